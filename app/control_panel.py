@@ -1,4 +1,4 @@
-"""All controls of one browser, put together: which panels exist, which of them each mode shows."""
+"""The control panel of one browser: its panels, and which of them each mode shows."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from app.state.commands import (
 from app.widgets import Choice, Listing, when_changed, when_clicked
 
 LAST = 1e9
-"""Below whatever else the modes put into the panel."""
+"""Position below everything that the modes add to the panel."""
 
 
 class ControlPanelActions(Protocol):
-    """What a browser may ask for beside the commands that only change its state."""
+    """Actions that do more than change the browser's state."""
 
     def open_recording(self, name: str) -> None: ...
     def show_files(self) -> None: ...
@@ -39,7 +39,7 @@ class ControlPanelActions(Protocol):
 
 
 class ControlPanel:
-    """Builds the controls once; `show` makes them follow the state."""
+    """Builds the controls once; `show` updates them from the state."""
 
     def __init__(
         self,
@@ -54,23 +54,23 @@ class ControlPanel:
             "Open file...",
             icon=viser.Icon.FOLDER_OPEN,
             color="dark",
-            hint="An event file or a recording: of the workspace, of a folder that the command line names, or of this "
-            "computer (Ctrl+O, or drop it onto the page)",
+            hint="An event file or recording from the workspace, from a --folder, or from this computer "
+            "(Ctrl+O, or drop it onto the page)",
         )
         when_clicked(self._open, actions.show_files)
         self.modes_folder = gui.add_folder(None)
-        """Where the modes put their controls."""
+        """Folder of the modes' controls."""
         self._picture = PicturePanel(gui, send)
         self._info = RecordingInfoPanel(gui)
         place_below_pictures(gui, self._info.panel)
         gui.add_html(f"<div style='font-size:12.5px;padding:6px 12px'>{tour_button_html()}</div>", order=LAST)
         palette = {"Open file...": actions.show_files, "Show the tour": actions.show_tour}
         add_keys(gui, send_key, actions.reframe, palette)
-        # Until a recording is open there is nothing that these could be about.
+        # Disabled until a recording is open.
         self._picture.folder.visible = self._info.panel.visible = False
 
     def show(self, state: ClientState, *, uses_recording: bool, shows_events: bool, knows_ball: bool) -> None:
-        """Make every control follow the state."""
+        """Update every control from the state."""
         self._recording.visible = self._open.visible = self._picture.folder.visible = uses_recording
         self._mode.show(state.mode)
         self._recording.show(state.recording)
@@ -78,7 +78,7 @@ class ControlPanel:
         self._picture.show(state, knows_ball=knows_ball)
 
     def show_recordings(self, names: tuple[str, ...]) -> None:
-        """Offer these recordings."""
+        """Update the list of recordings."""
         self._recording.offer(names)
 
     def show_info(self, info: RecordingInfo) -> None:
@@ -87,7 +87,7 @@ class ControlPanel:
 
 
 class PicturePanel:
-    """The look of the pictures of one browser."""
+    """Settings of the pictures of one browser."""
 
     def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None]) -> None:
         low_us, high_us = WINDOW_RANGE_US
@@ -108,10 +108,10 @@ class PicturePanel:
         when_changed(self._truth, lambda value: send(ShowTruth(bool(value))))
 
     def show(self, state: ClientState, *, knows_ball: bool) -> None:
-        """Let the controls follow the state; of a true ball only where the recording knows it."""
+        """Update the controls; the true ball is offered only if the recording has it."""
         self._window.visible = state.mode == "Watch"
         self._arrangement.visible = state.mode != "Label"
-        self._truth.visible = shows_truth = knows_ball and state.mode != "Label"  # a person is not shown the answer
+        self._truth.visible = shows_truth = knows_ball and state.mode != "Label"  # the annotator does not see the truth
         self._window.value = state.look.window_us / 1e3
         self._rendering.value = state.look.rendering
         self._legend.content = event_legend_html(state.look.colours, with_truth=shows_truth)
@@ -121,7 +121,7 @@ class PicturePanel:
 
 
 def event_legend_html(colours: PolarityColours, *, with_truth: bool) -> str:
-    """What the colours of circles and events mean."""
+    """HTML legend of the colours of circles and events."""
     rgb = palette(colours)
     inks = [
         ("found", PaletteIndex.CIRCLE),

@@ -33,7 +33,7 @@ from core.files import clear_unfinished
 
 logger = logging.getLogger(__name__)
 TICK_S = 1 / 61
-"""Sixty are aimed at; of those that come too late some are lost."""
+"""Period of the loop, s: 60 Hz; late turns may be skipped."""
 IDLE_S = 0.25
 RESCAN_EVERY_S = 2.0
 POOL_THREADS = 3
@@ -68,7 +68,7 @@ class App:
         A `front` that listens there already may be given; browsers that came to it meanwhile are served, too.
         """
         self.services = Services.of(workspace, library, viewer_address, places)
-        """What its browsers share."""
+        """Services shared by all browsers."""
         self._first_recording = first_recording
         self._detector = detector
         self._autoplay = autoplay
@@ -93,17 +93,17 @@ class App:
 
     @property
     def port(self) -> int:
-        """Where it listens."""
+        """Port of the server."""
         return self._server.get_port()
 
     @property
     def viser_server(self) -> viser.ViserServer:
-        """The server underneath."""
+        """The viser server."""
         return self._server
 
     @property
     def sessions(self) -> tuple[Session, ...]:
-        """The browsers that are connected now."""
+        """Sessions of the connected browsers."""
         with self._lock:
             return tuple(self._sessions.values())
 
@@ -125,11 +125,11 @@ class App:
         self.services.close()
 
     def _prepare(self) -> None:
-        """Do what the first picture needs while the browser is still loading its page."""
+        """Prepare the first picture while the browser is loading its page."""
         floor_picture()
         library, name = self.services.library, self._first_recording
         if name != LIVE and library.has(name):
-            with contextlib.suppress(RallyscopeError):  # whoever opens it is told
+            with contextlib.suppress(RallyscopeError):  # shown when it is opened
                 gather_info(library, name)
         _warm_up()
 
@@ -163,9 +163,9 @@ class App:
         rescanned_s = due_s = 0.0
         while not self._stopping:
             started_s = time.monotonic()
-            due_s = max(due_s, started_s - TICK_S) + TICK_S  # a late tick is made up for, more of them are not
+            due_s = max(due_s, started_s - TICK_S) + TICK_S  # catch up one late tick, not more
             sessions = self.sessions
-            self.services.rallies.attend(bool(sessions), started_s)
+            self.services.rallies.set_active(bool(sessions), started_s)
             self._loaded.tick(started_s, busy=bool(sessions))
             if sessions and started_s - rescanned_s > RESCAN_EVERY_S:
                 rescanned_s = started_s
@@ -173,7 +173,7 @@ class App:
             for session in sessions:
                 try:
                     session.tick(started_s)
-                    session.client.flush()  # viser by itself rests for a 60th of a second after each sending
+                    session.client.flush()  # viser waits 1/60 s after each send by default
                 except Exception:
                     logger.exception("a browser's update failed")
             needs_tick = any(session.needs_tick for session in sessions)
@@ -194,7 +194,7 @@ class App:
 
 
 def _warm_up() -> None:
-    """Load the compiled code of the detectors that a browser begins with."""
+    """Load the compiled code of the default detectors."""
     window = Window(Events.empty(SensorSize(64, 64)), 0, 1000)
     trace_window(window, TrackState(), DetectorConfig(), label_clusters=grid_labels)
     FastDetector(DetectorConfig()).step(window)

@@ -1,4 +1,4 @@
-"""One browser: its state, what it asked for, and the pictures that are on their way to it."""
+"""One browser's session: its state, queued commands, and requested pictures."""
 
 from __future__ import annotations
 
@@ -51,8 +51,8 @@ from core.recordings import Recording, knows_ball
 logger = logging.getLogger(__name__)
 NOTE_SECONDS = 8.0
 MOMENTS_EVERY_S = 1.0
-"""A live rally is asked this often whether there were bounces and hits since."""
-SLOW_MOTION = ("Slow motion", "A bounce at 1/20 of its speed; after the return it goes on live (key End: at once)")
+"""Interval at which new bounces and hits of a live rally are read."""
+SLOW_MOTION = ("Slow motion", "A bounce at 1/20 speed; live again after the return (key End: now)")
 FACTORIES: Final[dict[ModeName, ModeFactory]] = {
     "Watch": WatchMode,
     "Tune": TuneMode,
@@ -60,7 +60,7 @@ FACTORIES: Final[dict[ModeName, ModeFactory]] = {
     "Train": TrainMode,
     "Export": ExportMode,
 }
-"""Name of the mode -> what makes it for one browser."""
+"""Factory of each mode, by name."""
 
 
 class Session:
@@ -115,7 +115,7 @@ class Session:
         self.page.listen("hand", lambda _: self.world.touched())
         self.plane.tell = self.page.send
 
-    # What the browser asks for, from viser's event loop ---------------------------------------------------------
+    # Requests from the browser, in viser's event loop ---------------------------------------------------------
 
     def send(self, command: Command) -> None:
         """Enqueue a command."""
@@ -123,7 +123,7 @@ class Session:
         self._enqueue(command)
 
     def later(self, act: Callable[[], None]) -> None:
-        """Call `act` in the loop."""
+        """Run `act` in the loop."""
         self._enqueue(act)
 
     def _send_key(self, command: Command) -> None:
@@ -135,15 +135,15 @@ class Session:
         self._enqueue(lambda: self._choose(name))
 
     def await_recording(self, name: str) -> None:
-        """Open a recording of the library as soon as it is there, unless another is chosen before."""
+        """Open a recording as soon as it exists, unless another is chosen before."""
         self._enqueue(lambda: self._awaited.expect(name))
 
     def show_files(self) -> None:
-        """Let the page show what can be opened."""
+        """Show the page's file dialog."""
         self._enqueue(self._files.show_dialog)
 
     def show_tour(self) -> None:
-        """Let the page show the tour of this mode."""
+        """Show the tour of this mode."""
         self._enqueue(self._tour.show)
 
     def play_when_open(self) -> None:
@@ -151,7 +151,7 @@ class Session:
         self._autoplay = True
 
     def reframe(self) -> None:
-        """Put the picture back into the middle."""
+        """Reset the view of the picture."""
         self._enqueue(lambda: self.plane.frame(again=True))
 
     def _clicked(self, x: float, y: float) -> None:
@@ -160,7 +160,7 @@ class Session:
     # The loop -----------------------------------------------------------------------------------------------------
 
     def tick(self, wall_s: float) -> None:
-        """Apply what was asked for, then show what changed; a page that is slow to draw is left alone in between."""
+        """Apply queued commands, then show what changed; a slow page is throttled."""
         if not self._pace.is_due(self._state, wall_s):
             return
         while not self._inbox.empty():
@@ -176,7 +176,7 @@ class Session:
         if (arrived := self._awaited.tick()) is not None:
             self._openings.submit(arrived)
         if self._state is None or self._recording is None:
-            if self._awaited.waiting:  # a table that waits for its ball
+            if self._awaited.waiting:  # an empty table before the first ball
                 self.plane.set_visible(False)
                 self.world.show(True)
                 self.world.billboard_wxyz()
@@ -213,7 +213,7 @@ class Session:
         self.world.billboard_wxyz()
 
     def _open_slowly(self, opening: OpeningMoment, recording: Recording, wall_s: float) -> None:
-        """The first thing that a new browser sees."""
+        """Show the first bounce in slow motion to a new browser."""
         assert self._state is not None
         rally = self.services.rallies.of(recording) if isinstance(recording, RingRecording) else None
         self._state = opening.follow(self._state, None if rally is None else rally.history, wall_s)
@@ -227,7 +227,7 @@ class Session:
 
     def _grow(self, recording: RingRecording, wall_s: float) -> None:
         assert self._state is not None
-        if recording.uuid != self._live_uuid:  # another session of the simulation: another clock, maybe other cameras
+        if recording.uuid != self._live_uuid:  # a new session of the simulation has a new clock and maybe other cameras
             self._use_recording(self._state.recording, recording, None)
         head = self._state.playhead.grown(recording.start_us, recording.duration_us)
         self._state = replace(self._state, playhead=head)
@@ -238,7 +238,7 @@ class Session:
                 self.tracks = replace(self._tracks, moments=moments)
 
     def _choose_mode(self, state: ClientState) -> Mode:
-        """The mode that is chosen; tells the one before that it is over."""
+        """The chosen mode; the previous one is hidden."""
         if state.mode != self._active:
             self._requested = None
             for name in (self._active, state.mode):
@@ -250,22 +250,22 @@ class Session:
 
     @property
     def state(self) -> ClientState | None:
-        """What the browser has chosen; None until its first recording is open."""
+        """State of the browser; None until its first recording is open."""
         return self._state
 
     @property
     def is_throttled(self) -> bool:
-        """Whether the page is to be told less often of what moves by itself."""
+        """Whether updates of moving things are throttled for this page."""
         return self._pace.spares(self._state)
 
     @property
     def recording(self) -> Recording | None:
-        """The one that is open."""
+        """The open recording."""
         return self._recording
 
     @property
     def sheet(self) -> Mosaic:
-        """What it shows now."""
+        """The shown mosaic."""
         return self.plane.sheet
 
     @property
@@ -284,17 +284,17 @@ class Session:
 
     @property
     def needs_tick(self) -> bool:
-        """Something moves by itself: the loop must not sleep long."""
+        """Whether something moves by itself, so that the loop must not sleep long."""
         if self._state is None:
             return False
         return self._modes[self._state.mode].needs_tick or self._state.playhead.playing
 
     def offer(self, recordings: tuple[str, ...]) -> None:
-        """What can be opened now; called by the loop."""
+        """Update the list of recordings; called by the loop."""
         self._interface.show_recordings(recordings)
 
     def close(self) -> None:
-        """The browser is gone."""
+        """The browser has disconnected."""
         self.page.close(self._state)
         self._files.close()
         self._pictures.close()
@@ -340,7 +340,7 @@ class Session:
         self._enqueue(lambda: self._use_opened(name, answer))
 
     def _use_opened(self, name: str, answer: tuple[Recording, RecordingInfo | None]) -> None:
-        self.offer(self.services.library.names())  # it may be a new one
+        self.offer(self.services.library.names())  # it may be new
         self._use_recording(self.services.library.settled_name(name), *answer)
 
     def _use_recording(self, name: str, recording: Recording, info: RecordingInfo | None) -> None:
@@ -391,8 +391,8 @@ class Session:
         self._enqueue(lambda: self.report(error))
 
     def report(self, error: Exception) -> None:
-        """Show what went wrong; in the loop."""
-        self._shown = None  # the control that asked shows the old value again
+        """Show an error; called in the loop."""
+        self._shown = None  # reset the control to the old value
         if isinstance(error, RallyscopeError):
             self.note(*notice_of(error), "red")
         else:

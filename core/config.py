@@ -54,9 +54,9 @@ class FieldSpec:
     """bool, int, float or str; of a list, of its items."""
     default: Setting
     bounds: Bounds | None
-    """Of an int or a float; None for a bool or a choice."""
+    """Bounds of an int or a float; None for a bool or a choice."""
     choices: tuple[str, ...]
-    """Of a str; empty otherwise."""
+    """Choices of a str; empty otherwise."""
     doc: str
     is_list: bool = False
     """A tuple of any length."""

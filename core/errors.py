@@ -11,7 +11,7 @@ WRITE_REMEDY: Final = "free some space, or choose a folder that can be written"
 LONGEST_FACT: Final = 600
 """Characters of what was expected, or got, in a message."""
 LONGEST_PART: Final = 2000
-"""Of a message: what was got may be a whole file."""
+"""Most characters of one part of a message: what was got may be a whole file."""
 
 
 class RallyscopeError(Exception):

@@ -33,7 +33,7 @@ PROBE_S: Final = 0.2
 GIVES_UP_AFTER_S: Final = 10.0
 """A child that was told of its parent's end has as long to tidy up."""
 PREFIX: Final = ".unfinished-"
-"""Of folders for what is not whole yet: hidden, and beside the place where it goes."""
+"""Prefix of folders for unfinished results: hidden, and beside their final place."""
 _LOCK: Final = ".lock"
 _ATTEMPTS: Final = 100
 _held: dict[Path, int] = {}
@@ -41,7 +41,7 @@ _held: dict[Path, int] = {}
 POSIX: Final = os.name == "posix"
 """Windows opens no folders, neither deletes nor replaces what is open, and lets nobody else read what is locked."""
 BINARY: Final = getattr(os, "O_BINARY", 0)
-"""For `os.open`: without it Windows takes the file for a text, and changes the ends of its lines."""
+"""Flag for `os.open`: without it Windows changes line ends."""
 
 
 @contextmanager

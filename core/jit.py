@@ -39,7 +39,7 @@ OURS: Final = frozenset({"app", "benchmarks", "core", "labels"})
 KEPT_S: Final = 30 * 24 * 3600.0
 """Kernels of other versions of a file are deleted after this time."""
 SETTINGS: Final = ("OPT", "BOUNDSCHECK", "DEBUGINFO_DEFAULT")
-"""Of numba, that change the code."""
+"""Settings of numba that change the compiled code."""
 _IMPORT = re.compile(r"^(?:from\s+([\w.]+)\s+import\s+(\([^)]*\)|[^\n#]+)|import\s+([\w., ]+))", re.MULTILINE)
 
 _known: set[str] = set()

@@ -158,7 +158,7 @@ def stroke_recording(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ba
     """
     environment = EnvironmentConfig(state_source="events", outcomes="events")
     blocks: list[Block] = []
-    world_backend = SimulatedBackend(environment.task, seed=4, told=blocks.append)
+    world_backend = SimulatedBackend(environment.task, seed=4, on_block=blocks.append)
     backend = PerceivedBackend(environment, world_backend)
     try:
         ball = backend.observe(evaluation_balls(6.0, 1, environment))

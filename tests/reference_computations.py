@@ -201,7 +201,9 @@ def closed_loop(bench: Bench) -> Arrays:
             hit = None if prediction is None else prediction.hit_plane
             heard.append({"prediction": np.full((1, 3), np.nan) if hit is None else hit.p_world_m[None]})
 
-    loop = ClosedLoop(WorldConfig(), load_calibration(STORED / "calibrations" / "side.toml"), seed=5, told=True)
+    loop = ClosedLoop(
+        WorldConfig(), load_calibration(STORED / "calibrations" / "side.toml"), seed=5, knows_physics=True
+    )
     try:
         ball = loop.play(5.0, hear)
     finally:

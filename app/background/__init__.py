@@ -1,1 +1,1 @@
-"""Work off the loop: jobs with progress, and workers for which only the newest request counts."""
+"""Work off the loop: jobs with progress, and workers that serve only the newest request."""

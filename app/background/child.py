@@ -1,4 +1,4 @@
-"""A verb or a module of ours as a child process: what it says is read line by line.
+"""One of our verbs or modules as a child process, whose output is read line by line.
 
 It ends with its parent if it calls `core.files.end_with_parent`.
 """
@@ -28,7 +28,9 @@ class ChildProcess:
         on_line: Callable[[str], None] = lambda line: None,
         on_end: Callable[[], None] = lambda: None,
     ) -> None:
-        """`command` follows `python -m`; `on_line` hears every line of output and errors, `on_end` that it is over."""
+        """`command` follows `python -m`; `on_line` gets every line of output and errors, `on_end` is called at the
+        end.
+        """
         self._process = subprocess.Popen(
             [sys.executable, "-m", *command],
             stdin=subprocess.PIPE,  # ends with this process, however that ends, and so does the child
@@ -39,17 +41,17 @@ class ChildProcess:
             errors="replace",
         )
         self._on_line, self._on_end = on_line, on_end
-        self._said: deque[str] = deque(maxlen=REMEMBERED_LINES)
+        self._lines: deque[str] = deque(maxlen=REMEMBERED_LINES)
         self._reader = threading.Thread(target=self._read, name="child-process", daemon=True)
         self._reader.start()
 
     @property
     def last_words(self) -> str:
-        """The last line that it said."""
-        return self._said[-1] if self._said else "it said nothing"
+        """Last line of its output."""
+        return self._lines[-1] if self._lines else "no output"
 
     def wait(self) -> int:
-        """Wait until it has ended and all that it said was read, and give its exit code."""
+        """Wait for its end, read all its output, and return its exit code."""
         code = self._process.wait()
         self._reader.join()
         self._close_input()
@@ -67,10 +69,10 @@ class ChildProcess:
 
     def _read(self) -> None:
         assert self._process.stdout is not None
-        with self._process.stdout as said:
-            for line in said:
+        with self._process.stdout as output:
+            for line in output:
                 if line.strip():
-                    self._said.append(line.strip())
+                    self._lines.append(line.strip())
                     self._on_line(line.strip())
         self._on_end()
 
@@ -80,19 +82,19 @@ class ChildProcess:
 
 
 def give_way() -> None:
-    """In the child: let the page and the browser go first, where the system knows priorities."""
+    """In the child: lower its own priority, so that app and browser go first, where the system has priorities."""
     if hasattr(os, "nice"):
         os.nice(NICENESS)
 
 
 def send_to_parent(line: str) -> None:
-    """In the child: say a line at once."""
+    """In the child: print a line and flush."""
     sys.stdout.write(f"{line}\n")
     sys.stdout.flush()
 
 
 def share_in(line: str) -> float | None:
-    """What a line such as "31 of about 75 kernels" says is done, 0 to 1; None if it says nothing of the kind."""
+    """Progress in a line such as "31 of about 75 kernels", 0 to 1; None if the line has none."""
     found = _SHARE.search(line)
     if found is None or int(found.group(2)) == 0:
         return None

@@ -27,21 +27,21 @@ class Job(Generic[Result]):
         self._failed = failed
         self._cancel = threading.Event()
         self.share = 0.0
-        """Of the work that is done, 0..1."""
+        """Share of the work that is done, 0..1."""
         self._thread = threading.Thread(target=self._run, name="rallyscope-job", daemon=True)
         self._thread.start()
 
     @property
     def running(self) -> bool:
-        """The thread has not ended."""
+        """Whether its thread is running."""
         return self._thread.is_alive()
 
     def cancel(self) -> None:
-        """Ask it to stop; nothing is delivered any more."""
+        """Ask it to stop; no callback is called any more."""
         self._cancel.set()
 
     def wait(self, timeout_s: float) -> bool:
-        """Whether it ended within this time."""
+        """Wait for its end; whether it ended within this time."""
         self._thread.join(timeout_s)
         return not self.running
 
@@ -70,7 +70,7 @@ class LoopJob(Generic[Result]):
         failed: Callable[[Exception], None],
         ended: Callable[[], None] = lambda: None,
     ) -> None:
-        """`later` has something done by the loop. `ended` is called before an outcome is handled, or after a cancel."""
+        """`later` runs a function in the loop. `ended` is called before a result is handled, or after a cancel."""
         self._later = later
         self._failed = failed
         self._ended = ended
@@ -78,16 +78,16 @@ class LoopJob(Generic[Result]):
 
     @property
     def running(self) -> bool:
-        """A job goes on, or its outcome is not handled yet."""
+        """Whether a job runs, or its result is not handled yet."""
         return self._job is not None
 
     @property
     def share(self) -> float | None:
-        """How much of the work is done, 0..1; None if nothing runs."""
+        """Share of the work done, 0..1; None if nothing runs."""
         return None if self._job is None else self._job.share
 
     def start(self, work: Callable[[Progress, Callable[[], bool]], Result], done: Callable[[Result], None]) -> None:
-        """Do `work(progress, cancelled)` in a thread of its own; the loop calls `done(result)`."""
+        """Run `work(progress, cancelled)` in a thread of its own; the loop calls `done(result)`."""
         self.close()
         job: Job[Result] = Job(
             work,
@@ -97,13 +97,13 @@ class LoopJob(Generic[Result]):
         self._job = job
 
     def cancel(self) -> None:
-        """End the job without an outcome."""
+        """Cancel the job; its result is dropped."""
         if self._job is not None:
             self.close()
             self._ended()
 
     def close(self) -> None:
-        """The browser is gone, and its controls with it."""
+        """The browser has disconnected."""
         if self._job is not None:
             self._job.cancel()
             self._job = None

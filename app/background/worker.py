@@ -36,7 +36,7 @@ class LatestWins(Generic[Request, Answer]):
         self._closed = False
 
     def submit(self, request: Request) -> None:
-        """Compute this one next, instead of any that waits."""
+        """Compute this request next; it replaces a waiting one."""
         with self._lock:
             if self._closed:
                 return
@@ -47,14 +47,14 @@ class LatestWins(Generic[Request, Answer]):
         self._pool.submit(self._run)
 
     def close(self) -> None:
-        """Forget what waits and drop the answer of what runs."""
+        """Drop the waiting request and the answer of the running one."""
         with self._lock:
             self._closed = True
             self._waiting = []
 
     @property
     def busy(self) -> bool:
-        """Something runs or waits."""
+        """Whether a request runs or waits."""
         return self._running
 
     def _run(self) -> None:

@@ -15,7 +15,7 @@ from app.cli.tables import format_table
 from app.cli.terminal import say
 from core.errors import CommandError
 from core.live.worlds.returns_report import PlayedFile, losses, report_rows, write_ball_states_report
-from core.live.worlds.simulated_returns import SimulatedReturnsConfig, play_known_balls
+from core.live.worlds.simulated_returns import SimulatedReturnsConfig, play_recorded_states
 from core.physics.ball_states import read_ball_states
 from core.physics.config import Profile
 from core.physics.task import task_profile
@@ -48,7 +48,7 @@ def run_ball_states(arguments: BallStatesArguments, paths: tuple[Path, ...], *, 
         done, total = 0, sum(map(len, read))
         for path, balls in zip(paths, read, strict=True):
             share = len(balls) / total
-            played = play_known_balls(
+            played = play_recorded_states(
                 balls, config, lambda of, done=done, share=share: progress(done / total + share * of)
             )
             files.append(PlayedFile(path.stem, balls, played))

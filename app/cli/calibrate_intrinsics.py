@@ -175,14 +175,14 @@ def _cover_lines(cover: BoardCover) -> list[str]:
     """Where the board was, and what to show more."""
     (left, upper), (right, lower) = -cover.tilts_deg.min(axis=0), cover.tilts_deg.max(axis=0)
     missing = missing_for_lens(cover)
-    said = (
+    text = (
         f"missing: {'; '.join(missing)}" if missing else "nothing is missing: all parts, tilts and distances were seen"
     )
     return [
         f"the board was in {int((cover.cells > 0).sum())} of {len(cover.cells)} parts of the picture, tilted by "
         f"{-left:+.0f} to {right:+.0f} degrees about the vertical axis and {-upper:+.0f} to {lower:+.0f} about the "
         f"horizontal one, {cover.distances_m.min():.2f} to {cover.distances_m.max():.2f} m away",
-        said,
+        text,
     ]
 
 

@@ -41,10 +41,10 @@ class CameraOrder:
     """Cameras by serial number, with their names in the session, and how they are opened."""
 
     serials: dict[str, str]
-    """By name."""
+    """Serial number of each camera, by its name."""
     calibration: dict[str, Camera]
     biases: dict[str, dict[str, int]]
-    """By model."""
+    """Biases by camera model."""
     cable: bool
 
 

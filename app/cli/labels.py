@@ -202,8 +202,8 @@ def run_agree(arguments: LabelAgreeArguments) -> None:
         f"{found.only_first} and {found.only_second} of one only"
     )
     seen = [f"{left_out} labels left out: they settle conflicts"] if left_out else []
-    told = {"first": mine, "second": name, "blind": blind, "left_out": left_out, **asdict(found)}
-    arguments.layer.tell(told, [counts, *seen, *_agreement_lines(found)])
+    as_json = {"first": mine, "second": name, "blind": blind, "left_out": left_out, **asdict(found)}
+    arguments.layer.tell(as_json, [counts, *seen, *_agreement_lines(found)])
 
 
 def _agreement_lines(found: Agreement) -> list[str]:

@@ -58,6 +58,8 @@ def _lines(merged: MergedStores, arguments: LabelMergeArguments) -> list[str]:
 
 def _conflict_line(conflict: LabelConflict) -> str:
     where = f"{conflict.camera} {conflict.t_us} us"
-    said = "; ".join(f"{name}: {state}" for name, state in zip(conflict.annotators, conflict.states, strict=True))
+    states_text = "; ".join(
+        f"{name}: {state}" for name, state in zip(conflict.annotators, conflict.states, strict=True)
+    )
     apart = "" if conflict.distance_px is None else f"; {conflict.distance_px:.2f} px apart"
-    return f"{where}: {said}{apart}"
+    return f"{where}: {states_text}{apart}"

@@ -64,7 +64,7 @@ class LabelledRecording:
     camera: str
     annotator: str
     count: int
-    """Of all labels; occluded balls are not asked for."""
+    """Number of all labels; occluded balls are not counted."""
     asked: LabelArrays
     noise: Agreement | None
     """The annotator's own, from the blind repeats."""
@@ -127,11 +127,11 @@ def run_score(arguments: LabelScoreArguments) -> None:
         return
     everything = score_groups(together, labels)
     named = [{"recording": str(path)} | report for path, report in zip(paths, reports, strict=True)]
-    told = {"method": work.method, "window_us": work.window_us, "recordings": named}
-    told["rows"] = [asdict(score) for score in everything]
+    as_json = {"method": work.method, "window_us": work.window_us, "recordings": named}
+    as_json["rows"] = [asdict(score) for score in everything]
     lines = [_line(*each) for each in zip(paths, pieces, scores, strict=True)]
     lines += [f"all {len(paths)} recordings", *_score_table(everything), *_lines_in_time(pieces, answers)]
-    layer.tell(told, lines)
+    layer.tell(as_json, lines)
 
 
 def _lines_in_time(pieces: Sequence[LabelledRecording], answers: Sequence[LabelAnswers]) -> list[str]:

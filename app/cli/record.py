@@ -115,14 +115,14 @@ def _open_source(source: str, order: CameraOrder | None, *, loop: bool) -> LiveS
 
 def _wait(ended: threading.Event, seconds: float | None, over: Callable[[], bool], tell: Callable[[], str]) -> None:
     """Until it is enough, or there is nothing more."""
-    began_s = told_s = time.monotonic()
+    began_s = reported_s = time.monotonic()
     while not over() and (seconds is None or time.monotonic() - began_s < seconds):
         left_s = LOOK_S if seconds is None else min(LOOK_S, max(0.0, began_s + seconds - time.monotonic()))
         if ended.wait(left_s):
             return
-        if time.monotonic() - told_s > SAY_S:
-            told_s = time.monotonic()
-            say(f"{told_s - began_s:.0f} s, {tell()}", error=True)
+        if time.monotonic() - reported_s > SAY_S:
+            reported_s = time.monotonic()
+            say(f"{reported_s - began_s:.0f} s, {tell()}", error=True)
 
 
 def _record_blocks(source: LiveSource, out: Path, arguments: RecordArguments) -> dict[str, object]:

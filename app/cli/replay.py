@@ -33,10 +33,10 @@ def read_replay(source: str) -> ReplayOrder | None:
     """
     if not source.startswith(REPLAY):
         return None
-    said = source.removeprefix(REPLAY)
-    file, at, speed = said.rpartition("@")
-    if not at or Path(said).is_file():  # there are names with an @ in them
-        file, speed = said, "1"
+    file_and_speed = source.removeprefix(REPLAY)
+    file, at, speed = file_and_speed.rpartition("@")
+    if not at or Path(file_and_speed).is_file():  # there are names with an @ in them
+        file, speed = file_and_speed, "1"
     if not file:
         raise CommandError("no file to replay", expected=FORM, got=repr(source), where="--source")
     if not Path(file).is_file():

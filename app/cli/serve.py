@@ -154,7 +154,7 @@ def _open_page(arguments: ServeArguments, admission: Admission, first: str) -> G
 def _start(
     workspace: Workspace,
     source: str,
-    told: CameraOrder | ReplayOrder | None,
+    source_order: CameraOrder | ReplayOrder | None,
     own: list[str],
     keys: ClientKeys | None,
     robot: tuple[str, ClientKeys | None] | None,
@@ -163,8 +163,10 @@ def _start(
     from app.startup.startup import Startup  # takes a while: a mistake in the arguments is answered before
     from core.robot import RobotClient
 
-    if told is not None:
-        opened = open_camera_source(told) if isinstance(told, CameraOrder) else open_replay(told)
+    if source_order is not None:
+        opened = (
+            open_camera_source(source_order) if isinstance(source_order, CameraOrder) else open_replay(source_order)
+        )
         player = None if robot is None else RobotClient(robot[0], keys=robot[1])
         return Startup(workspace, source=opened, say=say, robot=player)
     player = None if robot is None else RobotClient(robot[0], keys=robot[1])
@@ -260,16 +262,16 @@ def own_simulation(arguments: ServeArguments, source: str | None) -> list[str]:
         CommandError: if something is asked of it, but there is none.
         RecordingError: if a file holds no ball states.
     """
-    told: list[str] = [] if arguments.physics is None else ["--physics", arguments.physics]
+    extra: list[str] = [] if arguments.physics is None else ["--physics", arguments.physics]
     if arguments.ball_states is not None:
         from core.physics.ball_states import read_ball_states
 
         for path in arguments.ball_states:
             read_ball_states(path)
-        told += ["--ball-states", *map(str, arguments.ball_states)]
-    if told and source != LIVE:
+        extra += ["--ball-states", *map(str, arguments.ball_states)]
+    if extra and source != LIVE:
         raise CommandError("not a simulation of its own", expected="--source live", got=source or arguments.recording)
-    return told
+    return extra
 
 
 def _open_recording(path: Path, library: Library) -> str:

@@ -103,12 +103,12 @@ def _make_keys(folder: Path) -> None:
 
 def _tell_progress() -> KernelProgress:
     """Says on standard error how far the compiler is, if that takes a while: the first time only."""
-    began_s, said = time.monotonic(), 0
+    began_s, reported = time.monotonic(), 0
 
     def tell(ready: int, known: int) -> None:
-        nonlocal said
-        if time.monotonic() - began_s > QUIET_S and ready >= said + SAY_EVERY:
-            said = ready
+        nonlocal reported
+        if time.monotonic() - began_s > QUIET_S and ready >= reported + SAY_EVERY:
+            reported = ready
             say(f"compiling, on the first start only: {ready} of about {known} kernels", error=True)
 
     return tell

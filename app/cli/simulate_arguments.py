@@ -20,7 +20,7 @@ from core.simulation import LaunchConfig, SensorConfig
 from core.simulation.frames.frames import FrameConfig
 
 SERVES = 3
-"""Of a recording, unless told otherwise."""
+"""Serves of a recording, by default."""
 SPEEDS = ",".join(f"{speed:g}" for speed in PAPER_SPEEDS_MPS)
 
 

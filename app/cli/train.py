@@ -43,7 +43,7 @@ BALLS_BEFORE_CAMERAS = 100
 """Fixed balls of an evaluation with states from events: each takes a second to be seen, once per training."""
 
 BALLS_PLAYED_OUT = 10
-"""The same where cameras see the outcomes too: each is served, struck and watched to its end, at every evaluation."""
+"""Balls of an evaluation where cameras see the outcomes too: each is served, struck and watched to its end."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

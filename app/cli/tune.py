@@ -81,7 +81,7 @@ def run(arguments: TuneArguments) -> None:
             cameras = (choose_camera(recording, arguments.camera).name,)
         objective = _objective(arguments, detector, recording, cameras, config)
     ended = end_event()
-    with _told(arguments.until_eof) as progress:
+    with _progress_output(arguments.until_eof) as progress:
         result = tune(
             objective,
             method,
@@ -131,7 +131,7 @@ def _objective(
 
 
 @contextmanager
-def _told(in_lines: bool) -> Iterator[Callable[[TuningProgress], None]]:
+def _progress_output(in_lines: bool) -> Iterator[Callable[[TuningProgress], None]]:
     """A bar for a person, or lines for a parent process."""
     if in_lines:
         yield lambda state: send_to_parent(_line(state))
@@ -186,15 +186,15 @@ def _parameter_rows(result: TuningResult) -> list[dict[str, object]]:
         rows.append(
             {
                 "threshold": name,
-                "start": _said(before),
-                "found": _said(after),
+                "start": _json_value(before),
+                "found": _json_value(after),
                 "importance": result.importance.get(name),
             }
         )
     return rows
 
 
-def _said(value: object) -> object:
+def _json_value(value: object) -> object:
     return f"{value:g}" if isinstance(value, float) else value
 
 

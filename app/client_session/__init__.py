@@ -1,4 +1,4 @@
-"""What a browser brings along when it comes, and finds again: the link in its address, and its settings."""
+"""A browser's session: the link in its address, its stored settings, files it opens, and the tour."""
 
 from app.client_session.session_page import SessionPage
 

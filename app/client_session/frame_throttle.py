@@ -1,4 +1,4 @@
-"""How often a browser is shown what moves by itself.
+"""Limits the frame rate of pages that are rendered on the CPU.
 
 A page without a graphics card is drawn by the processor: every change anywhere on it costs 20 to 40 ms (Chromium at
 1280x720), where a panel is drawn anew some times more. A live rally that runs on the same processor would have to wait
@@ -25,19 +25,19 @@ class FrameThrottle:
         self._shown_s = float("-inf")
 
     def hear(self, message: Message) -> None:
-        """The page tells who draws it."""
+        """Read the page's report of its renderer."""
         self._by_software = message.get("software") is True
 
     def hurry(self) -> None:
-        """Somebody asked for something and waits; called from any thread."""
+        """Draw the next frame at once, for a user's action; called from any thread."""
         self._hurried = True
 
     def spares(self, state: ClientState | None) -> bool:
-        """Whether this is a live rally on a page that the processor draws."""
+        """Whether this is a live rally on a page that is rendered on the CPU."""
         return self._by_software and state is not None and state.playhead.live and state.playhead.playing
 
     def is_due(self, state: ClientState | None, wall_s: float) -> bool:
-        """Whether the browser gets its next picture now."""
+        """Whether the browser gets its next frame now."""
         if self.spares(state) and wall_s - self._shown_s < FEW_EVERY_S and not self._hurried:
             return False
         self._hurried, self._shown_s = False, wall_s

@@ -1,4 +1,4 @@
-"""What a browser that was never here sees first of the live rally: the first bounce in slow motion.
+"""A new browser's first view of the live rally: the first bounce in slow motion.
 
 The rally itself goes on as it is; only this browser's time cursor is slow, from just before a bounce until the ball
 has come back, and then live again. Whatever the person does with the controls meanwhile ends it.
@@ -16,29 +16,29 @@ from core.history.rally_history import RallyHistory
 
 BEFORE_US: Final = 80_000
 AFTER_US: Final = 120_000
-"""Round the bounce it is slowest."""
+"""Time after the bounce during which it is slowest."""
 LATE_US: Final = 300_000
-"""A bounce that was longer ago is no longer gone back to."""
+"""A bounce longer ago than this is not shown."""
 RETURN_US: Final = 400_000
-"""After the hit: by then the ball has come down on the other side."""
+"""Time after the hit until the ball has landed on the other side."""
 USUAL_FLIGHT_US: Final = 450_000
-"""From bounce to hit, where no hit is predicted."""
+"""Assumed time from bounce to hit where no hit is predicted."""
 SLOWEST: Final = 0.05
 SLOW: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class Bounce:
-    """One that can be shown from shortly before it until the ball has come back."""
+    """A bounce to show, from shortly before it until the ball has returned."""
 
     begin_us: int
     t_us: int
-    """When it is expected, or was."""
+    """Predicted or observed time of the bounce."""
     back_us: int
 
 
 def bounce_near(history: RallyHistory, now_us: int) -> Bounce | None:
-    """The bounce that the chain expects next, or has just seen; None while there is none, or the ball is not seen."""
+    """Bounce predicted next or just observed; None if there is none, or the ball is not seen."""
     step = history.at(now_us, {}).step
     if step is None or step.before is None or not step.before.prediction.bounces:
         return None
@@ -55,7 +55,7 @@ def bounce_near(history: RallyHistory, now_us: int) -> Bounce | None:
 
 
 class OpeningMoment:
-    """The time at which a browser opens a recording. Called by that browser's loop."""
+    """Slow motion when a browser opens a live rally. Called by that browser's loop."""
 
     def __init__(self, begun: Callable[[], None]) -> None:
         """`begun` is called when the slow motion begins."""
@@ -65,10 +65,10 @@ class OpeningMoment:
         self.over = False
 
     def follow(self, state: ClientState, history: RallyHistory | None, wall_s: float) -> ClientState:
-        """The state with the cursor where it is to be; another than that it was left with ends it."""
+        """State with the cursor moved; if the user has changed the cursor, the slow motion ends."""
         if self.over:
             return state
-        if self._left is not None and _caught_up(self._left) == state.without_growth():  # the rally stands still
+        if self._left is not None and _caught_up(self._left) == state.without_growth():  # the rally is paused
             self.over = True
             return replace(state, playhead=state.playhead.at_speed(1.0, wall_s).play(wall_s))
         untouched = self._left is None or state.without_growth() == self._left
@@ -97,5 +97,5 @@ class OpeningMoment:
 
 
 def _caught_up(slow: ClientState) -> ClientState | None:
-    """What a slow cursor becomes by itself at the end of what there is; None for one that is not slow."""
+    """Cursor that a slow one becomes when it reaches the live end; None for a cursor that is not slow."""
     return None if slow.playhead.following else replace(slow, playhead=replace(slow.playhead, following=True))

@@ -1,4 +1,4 @@
-"""What a session has to do with its page: the link in the address, and the settings that are kept for the browser."""
+"""Session and page: the link in the address, and the settings stored for the browser."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Listener = Callable[[Message], None]
 
 
 class PageSession(Protocol):
-    """What it needs of the session."""
+    """The session's interface for its page."""
 
     def later(self, act: Callable[[], None]) -> None: ...
     def open_recording(self, name: str) -> None: ...
@@ -51,7 +51,7 @@ class SessionPage:
         self._session = session
         self._link: Values = values_of(visit.link)
         self.is_new = bool(visit.browser) and not visit.link and not memory.knows(visit.browser)
-        """This browser was never here before, and came without a link."""
+        """Whether this browser is new and came without a link."""
         self._shown_link = ""
         self._linked_s = self._kept_s = 0.0
         self._kept: Remembered | None = None
@@ -61,22 +61,22 @@ class SessionPage:
             pages.open(visit.page, self._hear)
 
     def listen(self, kind: str, listener: Listener) -> None:
-        """Let `listener` be called in the loop with every message of this kind. Nothing in it is trusted."""
+        """Call `listener` in the loop with every message of this kind. Nothing in a message is trusted."""
         self._listeners[kind] = listener
 
     def receive(self, take: Callable[[Path], None]) -> None:
-        """Let `take` have the files that the page sends, in the server's event loop; they are its own from then on."""
+        """Pass uploaded files to `take`, in the server's event loop; `take` owns them."""
         if self._visit.page:
             self._pages.uploads.open(self._visit.page, take)
 
     def send(self, kind: str, values: Message) -> None:
-        """Let the page know; the latest message of a kind is what counts."""
+        """Send a message to the page; only the latest of each kind is kept."""
         if self._visit.page:
             self._pages.send(self._visit.page, kind, values)
 
     @property
     def seen(self) -> frozenset[str]:
-        """What this browser was shown already."""
+        """Names of the hints that this browser has already seen."""
         return self._memory.seen(self._visit.browser)
 
     @property
@@ -85,16 +85,16 @@ class SessionPage:
         return bool(self._visit.link)
 
     def note_seen(self, what: str) -> None:
-        """Keep that it was shown something."""
+        """Store that it has seen a hint."""
         self._pool.submit(self._memory.note_seen, self._visit.browser, what)
 
     def first_recording(self, usual: str, offered: tuple[str, ...]) -> str:
-        """The recording to begin with: the link's, or the usual one where the link's is not there."""
+        """First recording to open: the link's, or the default if that is missing."""
         name = self._link.get("recording", usual)
         if name == usual or name in offered:
             return name
         self._link = {}
-        self._session.later(lambda: self._session.note("The link leads nowhere", MISSING, "yellow"))
+        self._session.later(lambda: self._session.note("The link cannot be opened", MISSING, "yellow"))
         return usual
 
     def first_state(
@@ -124,7 +124,7 @@ class SessionPage:
         return state.with_history(state.history.change(given, topic=None, wall_s=time.monotonic()))
 
     def follow_link(self, state: ClientState) -> ClientState:
-        """Once the recording of a link is open: go where it leads."""
+        """Apply a link once its recording is open."""
         if self._link.get("recording", state.recording) != state.recording:
             return state
         link, self._link = self._link, {}
@@ -133,7 +133,7 @@ class SessionPage:
         return state
 
     def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
-        """Show the link of what is shown, keep the settings."""
+        """Update the link in the address, and store the settings."""
         every_s = LINK_PLAYING_S if state.playhead.playing else LINK_EVERY_S
         if self._visit.page and wall_s - self._linked_s >= every_s and not self._link:
             self._linked_s = wall_s
@@ -146,7 +146,7 @@ class SessionPage:
             self._keep(state, lambda browser, remembered: self._pool.submit(self._memory.keep, browser, remembered))
 
     def close(self, state: ClientState | None) -> None:
-        """The browser is gone; what it had chosen last is written down before this returns."""
+        """The browser has disconnected; its last settings are stored before this returns."""
         if self._closed:
             return
         self._closed = True
@@ -157,7 +157,7 @@ class SessionPage:
             self._pages.close(self._visit.page)
 
     def _keep(self, state: ClientState, keep: Callable[[str, Remembered], object]) -> None:
-        """Have the settings written down if they are not those that were found or written before."""
+        """Store the settings if they have changed."""
         remembered = Remembered(state.configs, state.own_configs, state.tune.method)
         known, self._kept = self._kept, remembered
         if known is not None and known != remembered and self._visit.browser:

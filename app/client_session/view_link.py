@@ -1,4 +1,4 @@
-"""What a browser looks at as a link, and back: a colleague who opens it sees the same moment with the same settings.
+"""The view of a browser as a link, and back: whoever opens it sees the same moment with the same settings.
 
 A link is what stands behind the # of the address: `v=1&recording=demo&mode=Tune&t=123456&a.cluster.eps_px=3.5`. What is
 as usual is left out. A link that names no method is of `auto`: it was made when that was the default. It may come from
@@ -67,7 +67,7 @@ def link_of(state: ClientState, now_us: int) -> str:
 
 
 def values_of(link: str) -> Values:
-    """What a link says; nothing where it is none."""
+    """Values of a link; empty if it is not a valid one."""
     if len(link) > MAX_LENGTH:
         return {}
     try:
@@ -77,7 +77,7 @@ def values_of(link: str) -> Values:
 
 
 def commands_of(values: Values, state: ClientState) -> tuple[Command, ...]:
-    """What brings a state to where the link leads; its recording is open already. What makes no sense is left out."""
+    """Commands that apply a link to a state with its recording open. Invalid values are ignored."""
     found: list[Command] = []
     for key, make in _COMMANDS.items():
         if key in values:
@@ -93,7 +93,7 @@ def commands_of(values: Values, state: ClientState) -> tuple[Command, ...]:
 
 
 def _view(state: ClientState, now_us: int) -> Iterator[tuple[str, str]]:
-    """Every value of the view by its key; "" where it is as usual."""
+    """All values of the view by key; "" for defaults."""
     look, tune, watch = state.look, state.tune, state.watch
     yield "recording", state.recording
     yield "mode", state.mode if state.mode != "Watch" else ""
@@ -150,17 +150,17 @@ _COMMANDS: Final[Mapping[str, Callable[[str], list[Command]]]] = {
     "large": lambda text: [EnlargeCamera(text)],
     "hidden": lambda text: [ShowLayer(layer, on=False) for layer in text.split(",")[:32]],
 }
-"""In the order in which they are applied: what one needs comes before it."""
+"""Commands by key, in the order in which they are applied."""
 
 
 def _configs(values: Values, method: Method) -> Configs:
     base = default_config(method)
-    told: dict[str, dict[str, object]] = {slot: {} for slot in SLOTS}
+    by_slot: dict[str, dict[str, object]] = {slot: {} for slot in SLOTS}
     for key, text in values.items():
         slot, dot, name = key.partition(".")
-        if dot and slot.upper() in told:
-            told[slot.upper()][name] = parse_json(text)
-    return Configs(with_settings(base, told["A"]), with_settings(base, told["B"]))
+        if dot and slot.upper() in by_slot:
+            by_slot[slot.upper()][name] = parse_json(text)
+    return Configs(with_settings(base, by_slot["A"]), with_settings(base, by_slot["B"]))
 
 
 def _one(text: str, allowed) -> str:

@@ -1,1 +1,1 @@
-"""What people take away: one file per format. Pure functions from an open recording, or a run, to files; no viser."""
+"""Exports: one file per format. Pure functions from an open recording, or a run, to files; no viser."""

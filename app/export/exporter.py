@@ -1,4 +1,4 @@
-"""The one export of a workspace that runs, whichever browser asked for it, and the files that were made."""
+"""Runs one export of a workspace at a time, for all browsers, and lists the exported files."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ from core.files import POSIX, lock_descriptor
 logger = logging.getLogger(__name__)
 CLOSE_WITHIN_S: Final = 5.0
 CLAIM: Final = ".exporting"
-"""What is locked where a folder cannot be."""
+"""Lock file for systems that cannot lock a folder."""
 Work = Callable[[Path, Progress, Cancelled], tuple[Path, ...]]
-"""Makes the files under the path it is given."""
+"""Writes the files to the given path."""
 
 
 @dataclass(frozen=True, slots=True)
 class ExportState:
-    """How the latest export does."""
+    """State of the latest export."""
 
     name: str
     running: bool
     share: float
-    """0..1."""
+    """Progress, 0..1."""
     seconds: float
-    """Since it began, or what it took."""
+    """Time since it began, or its duration, s."""
     message: str
-    """How it ended; empty while it runs."""
+    """Result message; empty while it runs."""
     failed: bool
 
     @property
     def left_s(self) -> float | None:
-        """Time left at the pace so far; None while that cannot be said."""
+        """Estimated time left, s; None while unknown."""
         return None if self.share < 0.02 else self.seconds * (1 - self.share) / self.share
 
 
@@ -51,7 +51,7 @@ class ExportedFile:
     """One of the files in the folder of exports."""
 
     name: str
-    """Its path below that folder."""
+    """Path below that folder."""
     size: int
     changed_s: float
 
@@ -69,7 +69,7 @@ class Exporter:
         self._failed = False
 
     def start(self, stem: str, suffix: str, work: Work) -> str:
-        """Begin; the file (or folder, without a suffix) gets a free name made of `stem`, which is returned.
+        """Start an export; returns the free name, made of `stem`, of its file (or folder, without a suffix).
 
         Raises:
             CommandError: if another export runs.
@@ -92,7 +92,7 @@ class Exporter:
             return self._name
 
     def cancel(self) -> None:
-        """Stop the export that runs; it leaves no file."""
+        """Stop the running export; it leaves no file."""
         with self._lock:
             if self._job is not None and self._job.running and not self._message:
                 self._job.cancel()
@@ -108,7 +108,7 @@ class Exporter:
         return ExportState(self._name, running, job.share, until_s - self._started_s, self._message, self._failed)
 
     def files(self) -> tuple[ExportedFile, ...]:
-        """What was made, the newest first."""
+        """Exported files, newest first."""
         root = self._workspace.exports
         found: list[ExportedFile] = []
         for path in [*root.glob("*"), *root.glob("*/*")]:
@@ -119,7 +119,7 @@ class Exporter:
         return tuple(sorted(found, key=lambda file: (-file.changed_s, file.name)))
 
     def path_of(self, name: str) -> Path:
-        """The file of a name in the list.
+        """Path of a listed file by its name.
 
         Raises:
             CommandError: if it is not in the list.
@@ -129,7 +129,7 @@ class Exporter:
         return self._workspace.exports / name
 
     def close(self) -> None:
-        """Stop what runs, and let it clear away what it has begun."""
+        """Stop the running export and wait until it has removed its unfinished file."""
         self.cancel()
         if self._job is not None:
             self._job.wait(CLOSE_WITHIN_S)

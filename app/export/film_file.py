@@ -1,4 +1,4 @@
-"""A film while it is written, H.264 in MP4: under a temporary name until it is whole."""
+"""Writing a film, H.264 in MP4, under a temporary name until it is complete."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from app.export.unfinished import unfinished_file
 from core.errors import CommandError
 
 QUALITY: Final = {"crf": "18", "preset": "veryfast"}
-"""Of x264: no difference to the pictures can be seen."""
+"""Settings of x264: visually lossless."""
 TIME_BASE: Final = 90_000
 
 
 class FilmEncoder:
-    """Takes pictures one by one."""
+    """Encodes pictures one by one."""
 
     def __init__(self, container: OutputContainer, stream: VideoStream, frames_per_s: float) -> None:
         self._container, self._stream = container, stream
         self._ticks = Fraction(TIME_BASE) / Fraction(frames_per_s).limit_denominator(1001)
         self.frames = 0
-        """Written so far."""
+        """Number of pictures written so far."""
 
     def write(self, image: NDArray[np.uint8]) -> None:
         """Append a picture (height, width, 3) RGB.
@@ -48,7 +48,7 @@ class FilmEncoder:
             self._container.mux(packet)
 
     def finish(self) -> None:
-        """Write what the encoder still holds."""
+        """Flush the encoder."""
         for packet in self._stream.encode(None):
             self._container.mux(packet)
 
@@ -57,7 +57,8 @@ class FilmEncoder:
 def film_file(
     path: Path, *, width_px: int, height_px: int, frames_per_s: float, overwrite: bool = False
 ) -> Iterator[FilmEncoder]:
-    """What takes the pictures; at the end of the block they become the film. If the block raises, there is none.
+    """Context manager with the encoder; at the end of the block the film is complete. If the block raises, there is
+    none.
 
     Raises:
         CommandError: if the size is odd, the file exists and `overwrite` is not set, or it cannot be written.

@@ -1,4 +1,4 @@
-"""All formats by name, and one way to make any of them: for the command line and for the app."""
+"""All export formats by name, and one function that makes any of them, for the command line and the app."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ from labels.arrays import LabelArrays
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportRequest:
-    """What is to be made."""
+    """A requested export."""
 
     format: str
     destination: Path
     start_us: int | None = None
     end_us: int | None = None
     stride_us: int | None = None
-    """Between two pictures; None: as the format likes it."""
+    """Time between two pictures; None: the format's default."""
     pictures: bool = True
     stages: bool = True
     plots: bool = True
     chain: ChainConfig = field(default_factory=ChainConfig)
     overwrite: bool = False
     seed: int | None = None
-    """Of a run: whose actor or film; None: its first."""
+    """Seed of a run whose actor or film is exported; None: its first."""
     policy: Literal["last", "best"] = "last"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExportTask:
-    """An order of a recording with everything that it takes."""
+    """Export of a recording, with everything it needs."""
 
     order: ExportRequest
     recording: Recording
@@ -58,7 +58,7 @@ class ExportTask:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunTask:
-    """An order of a training run with everything that it takes."""
+    """Export of a training run, with everything it needs."""
 
     order: ExportRequest
     run: Path
@@ -84,7 +84,7 @@ class ExportFormat:
 
     @property
     def folder(self) -> bool:
-        """Several files in a folder instead of one."""
+        """Whether it writes several files into a folder instead of one file."""
         return not self.suffix
 
     @property
@@ -152,11 +152,11 @@ def export(
     progress: Progress = lambda share: None,
     cancelled: Cancelled = lambda: False,
 ) -> tuple[Path, ...]:
-    """Make it of a recording or of a run; returns the files.
+    """Export a recording or a run; returns the files.
 
     Raises:
         RallyscopeError: if it cannot be made.
-        ExportCancelledError: if `cancelled` said so; nothing is left behind then.
+        ExportCancelledError: if `cancelled()` is true; nothing is left behind then.
     """
     chosen = FORMATS[order.format]
     of_recording = recording is not None
@@ -173,7 +173,7 @@ def export(
     return chosen.export_run(RunTask(order, run, progress, cancelled))
 
 
-# The formats are imported when they are asked for: each loads what only it needs.
+# Formats are imported on first use: each has its own dependencies.
 
 
 def _rrd(task: ExportTask) -> tuple[Path, ...]:

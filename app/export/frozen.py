@@ -1,4 +1,4 @@
-"""A part of a live rally held in memory, so that it does not go on, or is forgotten, while it is exported or kept."""
+"""A span of a live rally copied to memory, so that it does not change while it is exported or saved."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from core.recordings.recording import FrozenCamera, freeze_camera
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordingSnapshot:
-    """A Recording with the clock of the one that it was taken from."""
+    """A Recording in memory, with the clock of its source."""
 
     uuid: str
     duration_us: int
@@ -41,7 +41,7 @@ class RecordingSnapshot:
 
 
 def freeze(recording: Recording, span: Span) -> RecordingSnapshot:
-    """What the recording holds of the span now.
+    """Copy a span of a recording.
 
     Raises:
         RecordingError: if another session of the simulation began meanwhile.
@@ -59,7 +59,7 @@ def write_frozen(frozen: RecordingSnapshot, span: Span, path: Path, *, progress:
 
     Raises:
         RecordingError: if it cannot be written.
-        ExportCancelledError: if `cancelled` said so; nothing is left behind then.
+        ExportCancelledError: if `cancelled()` is true; nothing is left behind then.
     """
     sensors = {name: stream.sensor for name, stream in frozen.streams.items()}
     calibration = {name: stream.calibration for name, stream in frozen.streams.items() if stream.calibration}

@@ -1,4 +1,4 @@
-"""A trained actor as an ONNX graph: physical numbers in, angles of the racket out, for a robot without this program."""
+"""A trained actor as an ONNX graph for robots: physical units in, racket angles out."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from core.learning.task.normalise import GOAL_CENTRE, GOAL_SCALE, STATE_CENTRE, 
 
 OPSET: Final = 17
 IR_VERSION: Final = 8
-"""Of 2022: the graph needs nothing newer, and so the runtimes that robots have read it."""
+"""ONNX IR version of 2022: the graph needs nothing newer, so older runtimes on robots can read it."""
 STATE: Final = "(N, 6) ball at the hitting plane, world frame: x, y, z in m, then vx, vy, vz in m/s"
 GOAL: Final = "(N, 2) where it is to land in the plane of the table, world frame: x, y in m"
 ANGLES: Final = "(N, 3) turns of the racket in rad about its own x, then y, then z, after the base orientation"

@@ -1,4 +1,4 @@
-"""Which part of a recording is exported, and how finely."""
+"""The part of a recording to export, and the time between pictures."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ class Span:
 
     @property
     def length_us(self) -> int:
-        """How long it is."""
+        """Length of the span."""
         return self.end_us - self.start_us
 
 
 def span_of(recording: Recording, start_us: int | None = None, end_us: int | None = None) -> Span:
-    """The part that is meant; None means from the beginning, or to the end.
+    """Span from the given bounds; None means from the start, or to the end.
 
     Raises:
         CommandError: if there is no such part.

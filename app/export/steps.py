@@ -1,4 +1,4 @@
-"""The chain over a part of a recording, window by window; single detectors where nothing can be triangulated."""
+"""The chain over a part of a recording, window by window; single detectors if it is not stereo."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from core.recordings import Recording
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChainStep:
-    """One window of every camera, and what came of it."""
+    """Results of one window of every camera."""
 
     end_us: int
     windows: dict[str, Window]
@@ -27,7 +27,7 @@ class ChainStep:
     chain: ChainState | None
     """None for a recording that cannot be triangulated."""
     before: dict[str, TrackState] | None
-    """What the detectors remembered before this window, those with stages; only in every `picture_every`-th step."""
+    """State of the detectors with stages before this window; only in every `picture_every`-th step."""
 
 
 def window_length_us(config: ChainConfig) -> int:
@@ -36,7 +36,7 @@ def window_length_us(config: ChainConfig) -> int:
 
 
 class ChainFollower:
-    """The chain of some cameras; the spans that it is given are to follow one another."""
+    """The chain of some cameras; spans have to be consecutive."""
 
     def __init__(self, recording: Recording, config: ChainConfig, *, picture_every: int) -> None:
         self._window_us = window_length_us(config)
@@ -53,7 +53,7 @@ class ChainFollower:
             }
 
     def follow(self, recording: Recording, span: Span) -> Iterator[ChainStep]:
-        """Step after step through the span."""
+        """Yield the steps of a span."""
         chain, detectors = self._chain, self._detectors
         for windows in windows_side_by_side(recording.cameras, span.start_us, span.end_us, self._window_us):
             self._number += 1

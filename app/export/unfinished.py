@@ -14,11 +14,11 @@ Cancelled = Callable[[], bool]
 
 
 class ExportCancelledError(Exception):
-    """Somebody asked the export to stop; nothing was left behind."""
+    """The export was cancelled; no file is left."""
 
 
 def check_cancelled(cancelled: Cancelled) -> None:
-    """Raises ExportCancelledError if somebody asked for it."""
+    """Raise ExportCancelledError if the export was cancelled."""
     if cancelled():
         raise ExportCancelledError
 
@@ -56,7 +56,7 @@ def unfinished_folder(folder: Path, names: list[str], *, overwrite: bool) -> Ite
                 put_in_place(temporary / name, folder / name, durable=True)
             else:
                 put_beside(temporary / name, folder / name)
-    except FileExistsError as error:  # another made it meanwhile
+    except FileExistsError as error:  # created by another process meanwhile
         raise _is_there(Path(str(error.filename2 or folder))) from error
     except OSError as error:
         raise _not_written(folder, error) from error

@@ -1,4 +1,4 @@
-"""A film of the 3D view: picture after picture in recording time, as a browser draws them."""
+"""A film of the 3D view: pictures at equal steps of recording time, rendered by a browser."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from app.export.unfinished import Cancelled, Progress, check_cancelled, unfinish
 from core.errors import CommandError
 
 MAX_FRAMES: Final = 20_000
-"""Of a film; a browser draws some ten a second."""
+"""Most frames of a film; a browser draws about ten a second."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ViewFilmPlan:
-    """Which moments become pictures."""
+    """Times of the film's pictures."""
 
     span: Span
     speed: float = 0.25
@@ -67,9 +67,9 @@ def export_view_film(
 
     Raises:
         CommandError: if it is too long, exists already, or cannot be written, and whatever `picture_at` raises.
-        ExportCancelledError: if `cancelled` said so. There is no file then, as after every error.
+        ExportCancelledError: if `cancelled()` is true. There is no file then, as after every error.
     """
-    from app.export.film_file import film_file  # its encoder is loaded for who makes a film
+    from app.export.film_file import film_file  # the encoder is loaded only for a film
 
     times_us = plan.times_us()
     with film_file(path, width_px=plan.width_px, height_px=plan.height_px, frames_per_s=plan.frames_per_s) as film:

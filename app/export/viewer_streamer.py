@@ -1,4 +1,4 @@
-"""The one stream to the Rerun viewer whose address the command line gave, whichever browser asked for it."""
+"""The one stream to the Rerun viewer given on the command line, shared by all browsers."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ logger = logging.getLogger(__name__)
 ADDRESS: Final = re.compile(r"rerun(\+https?)?://(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+):\d{1,5}/proxy")
 CLOSE_WITHIN_S: Final = 8.0
 StreamWork = Callable[[Progress, Cancelled, Callable[[str], None]], None]
-"""Sends until all is sent or it is cancelled; the third argument takes a remark for the person."""
+"""Sends until done or cancelled; the third argument takes a remark for the user."""
 
 
 def check_viewer_address(address: str) -> str:
-    """The address of a viewer.
+    """Check the address of a viewer.
 
     Raises:
         CommandError: if it is none.
@@ -35,15 +35,15 @@ def check_viewer_address(address: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class StreamState:
-    """How the latest stream does."""
+    """State of the latest stream."""
 
     name: str
-    """Of the recording."""
+    """Name of the recording."""
     running: bool
     share: float
-    """0..1; stays 0 for a live rally, which has no end."""
+    """Progress, 0..1; stays 0 for a live rally, which has no end."""
     message: str
-    """How it ended, or a remark while it runs; may be empty."""
+    """Result, or a remark while it runs; may be empty."""
     failed: bool
 
 
@@ -71,7 +71,7 @@ class ViewerStreamer:
             self._job = Job(lambda progress, cancelled: work(progress, cancelled, self._remark), self._done, self._lost)
 
     def stop(self) -> None:
-        """Stop what runs; the viewer keeps what it has."""
+        """Stop the running stream; the viewer keeps what it has."""
         with self._lock:
             if self._job is not None and self._job.running and not self._over:
                 self._job.cancel()
@@ -85,7 +85,7 @@ class ViewerStreamer:
         return StreamState(self._name, not self._over, job.share, self._message, self._failed)
 
     def close(self) -> None:
-        """Stop what runs, and wait a moment for its end."""
+        """Stop the running stream, and wait shortly for its end."""
         self.stop()
         if self._job is not None:
             self._job.wait(CLOSE_WITHIN_S)

@@ -1,1 +1,1 @@
-"""How things are said: shares, errors, and what the app's words mean."""
+"""Text for people: shares, errors, and the glossary."""

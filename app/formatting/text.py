@@ -1,4 +1,4 @@
-"""How values, names and errors are shown: units, sizes, shares, text of files in HTML, notifications."""
+"""Formatting of values, names and errors: units, sizes, shares, escaped HTML, notifications."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def in_control_words(details: str) -> str:
 
 
 def size_text(size: int) -> str:
-    """A number of bytes in the unit that suits it."""
+    """Readable text of a number of bytes."""
     return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{max(1, round(size / 1e3))} kB"
 
 
@@ -68,7 +68,7 @@ def _opened(tag: str, style: str) -> str:
 
 
 def notice_of(error: RallyscopeError) -> tuple[str, str]:
-    """Title and text."""
+    """Title and text of a notification."""
     what = error.what[:1].upper() + error.what[1:]
     if len(what) > LONGEST_TITLE:
         cut = what[:LONGEST_TITLE].rpartition(" ")[0] or what[:LONGEST_TITLE]

@@ -1,1 +1,1 @@
-"""One file per panel: each builds its controls once, sends commands, and shows the state it is given."""
+"""Panels, one per file: each builds its controls once, sends commands, and shows the state it is given."""

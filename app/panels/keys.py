@@ -1,4 +1,4 @@
-"""The list of keys, and the floating panel below the pictures that has it in its last tab."""
+"""The list of keys, the last tab of the floating panel below the pictures."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from app.widgets import when_triggered
 
 KEYS: Final[tuple[tuple[str, str, Command], ...]] = (
     ("space", "Play or pause", TogglePlay()),
-    ("N", "One step on (also the right arrow)", StepTime(+1)),
+    ("N", "One step forward (also the right arrow)", StepTime(+1)),
     ("P", "One step back (also the left arrow)", StepTime(-1)),
     ("pageup", "Ten steps back", StepTime(-10)),
-    ("pagedown", "Ten steps on", StepTime(+10)),
+    ("pagedown", "Ten steps forward", StepTime(+10)),
     ("Z", "Undo a slider", Undo()),
     ("R", "Redo a slider", Redo()),
     ("B", "Zoomed view follows the ball", LookAt(None)),
@@ -29,15 +29,15 @@ KEYS: Final[tuple[tuple[str, str, Command], ...]] = (
 """Hotkey, what it does, the command. W A S D Q E are left out: viser's camera uses them."""
 PAGE_KEYS: Final = (
     ("Shift 1 to 5", f"Mode: {', '.join(MODES)}"),
-    ("J", "Slower; while it stands ten steps back"),
+    ("J", "Slower; while paused ten steps back"),
     ("K", "Play or pause"),
     ("L", "Play; each further press faster"),
-    ("[ and ]", "To the mark, bounce, hit or miss before and after"),
+    ("[ and ]", "To the previous or next mark, bounce, hit or miss"),
     ("'", "Mark this moment"),
     ("Home, End", "To the start and the end"),
     ("Ctrl O", "Open a file"),
 )
-"""Those of the time bar and of the dialog for files, which the page itself handles."""
+"""Keys of the time bar and of the file dialog, which the page itself handles."""
 
 
 def add_keys(
@@ -56,26 +56,26 @@ def add_keys(
 
     for key, label, command in KEYS:
         register(key, label, lambda command=command: send(command))
-    register("F", "Frame the picture again", reframe)
+    register("F", "Reset the picture's view", reframe)
     for label, act in others.items():
         when_triggered(gui.add_command(label), act)
-    for mode in ("Label", "Train"):  # whose letters other keys need; they are in the palette all the same
+    for mode in ("Label", "Train"):  # their letters are taken; they are in the palette only
         when_triggered(gui.add_command(f"Mode: {mode}"), lambda mode=mode: send(SetMode(mode)))
 
 
 def tour_button_html() -> str:
-    """A button that the page's own script handles."""
+    """HTML of the tour's button, which the page's script handles."""
     style = "padding:2px 10px;border:1px solid #4a4e59;border-radius:4px;background:none;color:inherit;cursor:pointer"
     return f"<button type='button' data-rallyscope='tour' style='{style}'>Show the tour</button>"
 
 
 def keys_html() -> str:
-    """The list that the app shows."""
+    """HTML of the list of keys."""
     listed = (*((key, label) for key, label, _ in KEYS), *PAGE_KEYS)
     rows = "".join(
         f"<tr><td style='padding-right:14px'><b>{key}</b></td><td>{label}</td></tr>" for key, label in listed
     )
-    frame = "<tr><td><b>F</b></td><td>Frame the picture again</td></tr>"
+    frame = "<tr><td><b>F</b></td><td>Reset the picture's view</td></tr>"
     hint = f"Keys work after a click into the picture, not while a field has the cursor. Words: {PAGE}."
     return (
         f"<div style='font-size:12.5px;padding:4px 12px'>{hint} {tour_button_html()}<table>{rows}{frame}</table></div>"
@@ -84,7 +84,7 @@ def keys_html() -> str:
 
 X_PX: Final = 8
 Y_PX: Final = -86
-"""Above the time bar."""
+"""Position of the panel above the time bar."""
 WIDTH_PX: Final = 860
 HEIGHT_PX: Final = 140
 

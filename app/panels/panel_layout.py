@@ -1,4 +1,4 @@
-"""How much room a docked panel takes beside the 3D view: none in a narrow window, more in a wide one."""
+"""Width of a docked panel beside the 3D view: folded in a narrow window, wider in a wide one."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import viser
 
 Room = Literal["folded", "narrow", "wide"]
 WIDTHS_PX: Final[dict[Room, int]] = {"folded": 280, "narrow": 280, "wide": 350}
-"""Of the panel when it is open. With the controls at the right, 280 leave 46 % of a window of 1280 to the scene."""
+"""Width of the open panel. With the controls at the right, 280 px leave 46 % of a 1280 px window to the scene."""
 FOLD_BELOW: Final = 0.7
 """Width over height of the middle. A window of 1000x700 with both panels open has 0.4."""
 OPEN_ABOVE: Final = 1.25
@@ -19,7 +19,7 @@ NARROW_BELOW: Final = 0.8
 
 
 def room_beside(aspect: float, room: Room) -> Room:
-    """What the panel should have from now on, where the middle has this width over height beside it.
+    """Next width class of the panel, from the middle's width over height.
 
     The bounds lie so far apart that no answer leads back at once. A person who opens a folded panel is not overruled:
     only a middle that became wide unfolds it, and only an unfolded one folds.
@@ -34,7 +34,7 @@ def room_beside(aspect: float, room: Room) -> Room:
 
 
 class PanelLayout:
-    """Docks a panel at the left, and keeps it to the room that it should have."""
+    """Docks a panel at the left and adapts its width."""
 
     def __init__(self, panel: viser.PanelHandle) -> None:
         self._panel = panel
@@ -43,7 +43,7 @@ class PanelLayout:
         panel.set_width(WIDTHS_PX[self._room])
 
     def follow(self, aspect: float) -> None:
-        """Take less room where the middle, of this width over height, has little, and more where it has much."""
+        """Adapt the width to the middle's width over height."""
         room = room_beside(aspect, self._room)
         if room == self._room:
             return

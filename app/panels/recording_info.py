@@ -1,4 +1,4 @@
-"""Below the pictures in Watch: whether the recording is sound. Its event rate is in the time line."""
+"""Health of the recording, below the pictures in Watch. Its event rate is in the time line."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from core.recordings import Recording
 PLOT_BINS = 400
 LISTED = 4
 TIGHT: Final = "font-size:12.5px;line-height:1.25;padding:0 12px;margin-top:-6px"
-"""Two cameras and two lines below them can be seen without scrolling."""
+"""CSS of the table: two cameras and two lines below fit without scrolling."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordingInfo:
-    """What is known of a recording's streams."""
+    """Rates and health of a recording's streams."""
 
     name: str
     curves: dict[str, RateCurve]
@@ -55,7 +55,7 @@ class RecordingInfoPanel:
 
 
 def health_html(info: RecordingInfo) -> str:
-    """One row a camera, then what stands out."""
+    """HTML with a row per camera, then warnings."""
     head = "".join(
         f"<th style='text-align:left;font-weight:500;color:{theme.MUTED};padding:0 14px 0 0'>{title}</th>"
         for title in ("camera", "duration", "events", "mean rate", "peak rate", "ON share", "hot pixels", "gaps")
@@ -72,7 +72,7 @@ def health_html(info: RecordingInfo) -> str:
         if pixels:
             remarks.append(f"{html_text(name)}: busiest hot pixels {pixels}")
     listed = "".join(f"<div style='color:{theme.BAD}'>{remark}</div>" for remark in remarks)
-    sound = f"<div style='color:{theme.GOOD}'>nothing stands out</div>"
+    sound = f"<div style='color:{theme.GOOD}'>no problems found</div>"
     return (
         f"<div style='{TIGHT}'>"
         f"<table style='border-spacing:0'><tr>{head}</tr>{rows}</table>"

@@ -1,4 +1,4 @@
-"""The bar under the picture: transport, and a time line of what happens in the recording. Our script draws it."""
+"""The time bar under the picture: transport controls, and a time line of the recording. Our script draws it."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ from core.recordings import Recording
 from core.recordings.truth import first_seen_us, turning_points
 
 MOST: Final = 2_000
-"""Of moments or stretches of one kind that are sent; there are no more pixels to show them in."""
+"""Most moments or intervals of one kind that are sent: about one per pixel of the bar."""
 AFTER_FIRST_US: Final = 20_000
-"""By then the first ball is wholly in the picture."""
+"""Time after which the first ball is wholly in the picture."""
 Times = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Runs:
-    """Stretches of time with one meaning each: (N,) starts, ends and kinds; ends are exclusive."""
+    """Intervals of time with a kind each: (N,) starts, ends (exclusive) and kinds."""
 
     start_us: Times
     end_us: Times
@@ -52,21 +52,21 @@ class Tracks:
 
     duration_us: int
     rates: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
-    """By camera: events a second in bins of equal length from 0 to the end."""
+    """Events per second in bins of equal length from 0 to the end, by camera."""
     moments: Mapping[str, Times] = field(default_factory=dict)
-    """By kind ("bounce", "hit"): when it happens."""
+    """Times of moments, by kind ("bounce", "hit")."""
     runs: Mapping[str, Runs] = field(default_factory=dict)
-    """By name of the line ("labels", "detector"): what holds when."""
+    """Intervals with their kinds, by name of the line ("labels", "detector")."""
 
 
 def tracks_of(recording: Recording, info: RecordingInfo | None) -> Tracks:
-    """What a recording knows by itself. Its rates come from `info`."""
+    """Lines from the recording alone; rates come from `info`."""
     rates = {} if info is None else {name: curve.rate_hz for name, curve in info.curves.items()}
     return Tracks(recording.duration_us, rates, moments_of(recording))
 
 
 def moments_of(recording: Recording) -> dict[str, Times]:
-    """Its bounces and hits so far, where it knows the truth; those of a live recording change as it goes on."""
+    """Bounces and hits so far, if the recording has the truth; those of a live recording grow."""
     if recording.ball is None:
         return {}
     points = turning_points(recording.ball)
@@ -74,12 +74,12 @@ def moments_of(recording: Recording) -> dict[str, Times]:
 
 
 def same_moments(first: Mapping[str, Times], second: Mapping[str, Times]) -> bool:
-    """Whether both tell of the same happenings."""
+    """Whether both have the same moments."""
     return first.keys() == second.keys() and all(np.array_equal(first[kind], second[kind]) for kind in first)
 
 
 def opening_us(recording: Recording) -> int:
-    """Where a recording opens: at its first ball, where that is known; else at its start."""
+    """Time at which a recording opens: its first ball if known, else its start."""
     seen_us = first_seen_us(stream.truth for stream in recording.cameras.values())
     return 0 if seen_us is None else min(seen_us + AFTER_FIRST_US, recording.duration_us)
 
@@ -101,22 +101,22 @@ def runs_of_times(t_us: Times, kinds: NDArray[np.int64], names: tuple[str, ...],
 def runs_of_verdicts(verdicts: WindowVerdicts, window_us: int) -> Runs:
     """Where a detector found the ball, missed it, or saw one that was not there."""
     kinds = np.select([verdicts.false, verdicts.missed, verdicts.found], [2, 1, 0], default=-1)
-    told = kinds >= 0
-    return runs_of_times(verdicts.t_us[told] - window_us // 2, kinds[told], ("found", "missed", "false"), window_us)
+    known = kinds >= 0
+    return runs_of_times(verdicts.t_us[known] - window_us // 2, kinds[known], ("found", "missed", "false"), window_us)
 
 
 def thinned(count: int) -> slice:
-    """Every so many of `count` rows, so that at most `MOST` are left."""
+    """Indices of evenly spaced rows of `count`, at most `MOST`."""
     return slice(None, None, max(1, -(-count // MOST)))
 
 
 LIVE_LENGTH_US: Final = 20_000_000
-"""The time line of a live recording spans the last 20 s, which is what it remembers."""
+"""Length of a live recording's time line: its history of 20 s."""
 FAR_US: Final = 2**52
 
 
 def bar_message(state: ClientState, now_us: int, *, visible: bool, keys: bool) -> Message:
-    """Where the cursor is and how it moves; `keys`: the bar's keys are its own in this mode."""
+    """Message with the cursor's position and speed; `keys`: whether the bar's keys are active in this mode."""
     head = state.playhead
     start_us = max(head.start_us, head.duration_us - LIVE_LENGTH_US) if head.live else 0
     return {
@@ -153,7 +153,7 @@ def tracks_message(tracks: Tracks) -> Message:
 
 
 def command_of(message: Message) -> Command | None:
-    """What the bar asks for; None for what it cannot mean. Nothing in the message is trusted."""
+    """Command of a message from the bar; None if it is invalid. Nothing in the message is trusted."""
     value = message.get("value")
     match message.get("do"):
         case "mode" if (number := _whole(value)) is not None and 1 <= number <= len(MODES):
@@ -183,7 +183,7 @@ def command_of(message: Message) -> Command | None:
 
 
 def step_label(step_us: int) -> str:
-    """A step as people say it."""
+    """Readable text of a step."""
     if step_us >= 1_000_000:
         return f"{step_us // 1_000_000} s"
     return f"{step_us // 1000} ms" if step_us >= 1000 else f"{step_us} µs"
@@ -201,18 +201,18 @@ def _whole(value: object) -> int | None:
 
 
 SHOW_EVERY_S: Final = 1 / 12
-"""While it plays the page moves the cursor by itself, and is put right this often."""
+"""Interval of corrections while the page moves the cursor by itself."""
 
 
 class BarPage(Protocol):
-    """The page, as the bar knows it."""
+    """The page's interface for the bar."""
 
     def listen(self, kind: str, listener: Callable[[Message], None]) -> None: ...
     def send(self, kind: str, values: Message) -> None: ...
 
 
 class TimeBar:
-    """All methods are called in the loop."""
+    """The time bar of one browser. All methods are called in the loop."""
 
     def __init__(self, page: BarPage, send: Callable[[Command], None]) -> None:
         self._page = page
@@ -222,7 +222,7 @@ class TimeBar:
         page.listen("bar", self._asked)
 
     def show(self, state: ClientState, now_us: int, wall_s: float, *, visible: bool, keys: bool) -> None:
-        """Follow the state."""
+        """Update from the state."""
         if wall_s - self._shown_s < SHOW_EVERY_S:
             return
         message = bar_message(state, now_us, visible=visible, keys=keys)

@@ -50,11 +50,11 @@ class PictureText:
 
     x: float
     y: float
-    """Of their lower left corner, in picture pixels."""
+    """Position of the lower left corner, in picture pixels."""
     text: str
     ink: int
     is_title: bool
-    """It stands in the corner; else beside what it is about, and may give way to others."""
+    """A title stands in the corner. Other texts stand beside their object and move away from others."""
 
 
 class Canvas:

@@ -61,7 +61,7 @@ CLUSTER_COLOURS: Final = 12
 RAMP_COLOURS: Final = 64
 METHOD_COLOURS: Final = 128
 METHOD_RGB: Final[Mapping[Method, tuple[int, int, int]]] = DETECTORS.view(lambda one: one.colour)
-"""Of circles and curves where methods are beside each other; cyan is the truth's.
+"""Colours of circles and curves where methods are compared; cyan is the truth.
 
 Ours, the states of labels and the cases of a rally differ for the colour-blind, too, as tests/app/pictures hold.
 """

@@ -23,7 +23,7 @@ TABLE_RGB: Final = (40, 112, 205)
 APRON_RGB: Final = (24, 72, 140)
 LINE_RGB: Final = (250, 250, 250)
 STEEL_RGB: Final = (206, 212, 222)
-"""Of legs and posts: they stand out from the ground."""
+"""Colour of legs and posts, which stand out from the ground."""
 TOP_THICKNESS_M: Final = 0.025
 APRON_M: Final = (0.06, 0.05)
 """Height of the frame below the top, and how far it stands back."""

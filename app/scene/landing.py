@@ -28,7 +28,7 @@ CASE_NAMES: Final[dict[Case, str]] = {
 }
 TARGET_RGB: Final = (255, 255, 255)
 SPOTS: Final = 500
-"""As many as are shown; the newest are kept."""
+"""Most landing points shown; the newest are kept."""
 SPOT_ABOVE_M: Final = 0.018
 """Spots are discs that face the eye: lower, half of them would be in the table."""
 REACH_M: Final = 4.0

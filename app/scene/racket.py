@@ -11,7 +11,7 @@ from core.geometry import quaternion_from_matrix
 from core.history.rally_picture import Pose
 
 BLADE_RADIUS_M: Final = 0.08
-"""As the simulated one."""
+"""Radius of the simulated racket's blade, m."""
 RUBBER_M: Final = 0.006
 FRONT_RGB: Final = (235, 32, 40)
 BACK_RGB: Final = (40, 42, 48)

@@ -22,7 +22,7 @@ ABOVE_TABLE_M: Final = 0.0016
 """Above the lines of the table."""
 ABOVE_FLOOR_M: Final = 0.004
 OWN_RADII: Final = 1.7
-"""Of the ball when it touches; the soft edge takes the half of it."""
+"""Radius of the shadow of a ball on the table, in ball radii; the soft edge takes half of it."""
 WIDER: Final = 0.10
 """Metres a metre of height."""
 

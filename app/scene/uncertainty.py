@@ -17,7 +17,7 @@ RINGS: Final = 20
 """A tube always has this many, so that its handle is reused."""
 CORNERS: Final = 12
 ELLIPSES: Final = 2
-"""Of the bounce and of the hit."""
+"""Number of ellipses: of the bounce and of the hit."""
 ELLIPSE_CORNERS: Final = 32
 
 

@@ -94,7 +94,7 @@ def sprite_pose(eye: ViewCamera, p_world_m: Array, radius_m: float, lift_m: floa
 
 WITHIN_S: Final = 60.0
 BEHIND_RGB: Final = (20, 20, 20)
-"""Of the page behind the scene, which has no backdrop of its own: as seen in the browser."""
+"""Colour of the page behind the scene in the browser; the scene has no background of its own."""
 GONE: Final = "the browser that draws the picture is gone"
 
 

@@ -112,7 +112,7 @@ LAYERS: Final = (
 )
 FOLLOW_SHARE: Final = 0.15
 MIN_RESHAPE: Final = 0.03
-"""Of width over height of the view: less is not followed."""
+"""Smallest change of the view's width over height that is followed."""
 SAME_PLACE_M: Final = 0.02
 NOTHING: Final = RallyPicture()
 _NO_PATH: Final = np.empty((0, 3))

@@ -1,1 +1,1 @@
-"""What all browsers of the app share: workspace, recordings, the live rally, trained policies."""
+"""Shared by all browsers: workspace, recordings, the live rally, trained policies."""

@@ -1,4 +1,4 @@
-"""Files that are not recordings of the workspace yet: which can be opened, and how they become recordings."""
+"""Files outside the workspace: listing, and importing them as recordings."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from core.recordings.sources.kinds import kind_of
 
 
 def incoming_folder(workspace: Workspace) -> Path:
-    """A new, empty folder of its own, on the disk that the recordings are on; `end_unfinished` takes it away."""
+    """New empty folder on the recordings' disk; `end_unfinished` removes it."""
     return begin_unfinished(workspace.recordings)
 
 
 MIN_FREE_BYTES: Final = 200_000_000
-"""So much of the disk stays free: packed files can be very much larger than they look."""
+"""Free disk space that is kept: compressed files may expand a lot."""
 LOOK_EVERY_S: Final = 0.5
 UNNAMED: Final = "recording"
 LONGEST_LOOK_S: Final = 2.0
@@ -69,7 +69,7 @@ def bring_in(
     progress: Callable[[float], None] = lambda share: None,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> str | None:
-    """Name in the library of the recording that a file is or has become; None if `cancelled` said so.
+    """Name in the library of the recording that a file is or has become; None if `cancelled()` is true.
 
     A file that was `received` from a browser moves into the workspace if it is a recording already. What was brought
     in before is not brought in again. Nothing is ever overwritten, and nothing is left of what fails.
@@ -115,13 +115,13 @@ def _source_names(path: Path, size_bytes: int, changed_ns: int) -> list[str]:
 
 
 def _keep_recording(path: Path, workspace: Workspace) -> str:
-    with open_recording(path) as recording:  # one that was never closed is finished by this
+    with open_recording(path) as recording:  # this repairs one that was never closed
         uuid = recording.uuid
     return _place(path, workspace, _slug(path.stem), uuid, size_bytes=path.stat().st_size)
 
 
 def _place(source: Path, workspace: Workspace, wanted: str, uuid: str, *, size_bytes: int | None = None) -> str:
-    """Put a recording under the first free name that begins as wanted, or take the same one that is there."""
+    """Move a recording to the first free name with this stem, or reuse an identical one."""
     while True:
         known = _already_there(workspace, wanted, uuid, size_bytes=size_bytes)
         if known is not None:
@@ -129,7 +129,7 @@ def _place(source: Path, workspace: Workspace, wanted: str, uuid: str, *, size_b
         name = next(name for name in _names(wanted) if not _path(workspace, name).exists())
         try:
             put_beside(source, _path(workspace, name))
-        except FileExistsError:  # another was quicker
+        except FileExistsError:  # another process was quicker
             continue
         return name
 
@@ -190,30 +190,30 @@ def _watching_the_disk(folder: Path, progress: Callable[[float], None]) -> Calla
 
 
 MOST: Final = 2_000
-"""Files of one folder that are looked at."""
+"""Most files of one folder that are listed."""
 OWN: Final = "recordings"
 
 
 @dataclass(frozen=True, slots=True)
 class OfferedFile:
-    """One file of the list."""
+    """One file in the list."""
 
     key: str
-    """For this run of the app; says nothing of the path."""
+    """Random key, valid for this run of the app; it does not reveal the path."""
     path: Path
     folder: str
-    """What the folder is called in the list."""
+    """Name of the folder in the list."""
     kind: str
     size_bytes: int
 
 
 @dataclass(eq=False, slots=True)
 class OfferedFiles:
-    """Thread-safe; the folders are read anew each time, because files come and go."""
+    """List of files to open; folders are read again each time. Thread-safe."""
 
     workspace: Workspace
     folders: tuple[Path, ...] = ()
-    """Beside the workspace's recordings."""
+    """Folders listed besides the workspace's recordings."""
     _secret: bytes = field(default_factory=lambda: secrets.token_bytes(32), repr=False)
     _kinds: dict[tuple[Path, int, int], str | None] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
@@ -224,13 +224,13 @@ class OfferedFiles:
         for folder, called in self._places():
             try:
                 paths = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
-            except OSError:  # it was taken away
+            except OSError:  # it was removed
                 continue
             found += [file for path in paths[:MOST] if (file := self._offered(path, called)) is not None]
         return tuple(found)
 
     def find(self, key: str) -> OfferedFile | None:
-        """The file of a key, if it is still there."""
+        """File of a key, if it still exists."""
         return next((file for file in self.all() if hmac.compare_digest(file.key.encode(), key.encode())), None)
 
     def _places(self) -> list[tuple[Path, str]]:

@@ -1,4 +1,4 @@
-"""Where the long work that a browser starts is done: on this machine, or on the cluster that the command line named.
+"""Where long work of a browser runs: on this machine, or on the cluster given on the command line.
 
 A browser chooses between two words; an address never comes from it.
 """
@@ -17,7 +17,7 @@ THE_CLUSTER: Final = "the cluster"
 
 @dataclass(frozen=True, slots=True)
 class JobBackends:
-    """What there is to choose from.
+    """The available backends.
 
     Raises:
         JobsError: if the address is none of a cluster, or one of a plain one beyond this machine.
@@ -31,7 +31,7 @@ class JobBackends:
 
     @property
     def offered(self) -> tuple[str, ...]:
-        """The usual one first."""
+        """Names of the backends, the default first."""
         return (THIS_MACHINE,) if self.cluster is None else (THIS_MACHINE, THE_CLUSTER)
 
     def flags(self, place: str, jobs: int) -> tuple[str, ...]:
@@ -41,7 +41,7 @@ class JobBackends:
             CommandError: for a place that is not offered.
         """
         if place not in self.offered:
-            raise CommandError("no such place to work", expected=" or ".join(self.offered), got=repr(place[:20]))
+            raise CommandError("no such backend", expected=" or ".join(self.offered), got=repr(place[:20]))
         return ("--jobs", str(jobs)) if self.cluster is None or place == THIS_MACHINE else ("--cluster", self.cluster)
 
 

@@ -20,7 +20,7 @@ class Library:
         """Files in `folders` are added one by one by `add_external` when they are opened."""
         self.folders = tuple(folders)
         self._workspace = workspace
-        self._guests: dict[str, Path] = {}
+        self._external: dict[str, Path] = {}
         self._live: dict[str, Recording] = {}
         self._open: dict[str, Recording] = {}
         self._imported: dict[str, str] = {}
@@ -30,38 +30,38 @@ class Library:
 
     def add_external(self, path: Path) -> str:
         """Offer a recording from outside the workspace for as long as this process lives; returns its name."""
-        for name, known in self._guests.items():
+        for name, known in self._external.items():
             if known == path:
                 return name
         name = path.stem
-        while name in self._guests or name in self._workspace_names():
+        while name in self._external or name in self._workspace_names():
             name += "-file"
-        self._guests[name] = path
+        self._external[name] = path
         return name
 
     def add_live(self, name: str, recording: Recording) -> None:
-        """Offer a recording that grows; it stays its owner's to close."""
+        """Add a growing recording; its owner closes it."""
         self._live[name] = recording
 
     def file_to_import(self, name: str) -> Path | None:
-        """The event file of this name in the list; None for what is a recording already."""
+        """Event file of this name; None if it is a recording."""
         return self._files_to_import().get(name)
 
     def settled_name(self, name: str) -> str:
-        """The name of the recording that an event file became when it was opened; any other name is itself."""
+        """Name of the recording that an event file was imported as; other names are unchanged."""
         return self._imported.get(name, name)
 
     def names(self) -> tuple[str, ...]:
-        """What can be opened now: what is live, then the others in alphabetical order."""
-        files = {*self._guests, *self._workspace_names(), *self._files_to_import()}
+        """Names of all recordings: live ones, then the others in alphabetical order."""
+        files = {*self._external, *self._workspace_names(), *self._files_to_import()}
         return (*self._live, *sorted(files - set(self._live)))
 
     def has(self, name: str) -> bool:
-        """Whether there is a recording of that name."""
-        return name in self._imported or name in self._live or name in self._guests or name in self._workspace_names()
+        """Whether there is a recording of this name."""
+        return name in self._imported or name in self._live or name in self._external or name in self._workspace_names()
 
     def open(self, name: str) -> Recording:
-        """The recording of that name.
+        """Open the recording of this name.
 
         Raises:
             RecordingError: if there is none or it cannot be read.
@@ -76,7 +76,7 @@ class Library:
             return recording
 
     def file_of(self, name: str) -> Path:
-        """The file of a recording, for another process to open.
+        """File of a recording, for another process to open.
 
         Raises:
             RecordingError: if there is none: it is live, or not in the list.
@@ -87,9 +87,9 @@ class Library:
         return self._path(name)
 
     def health(self, name: str, camera: str) -> Health:
-        """Health of one camera, worked out on first use (some 0.1 s)."""
+        """Health of one camera, computed on first use (about 0.1 s)."""
         key = (name, camera)
-        with self._health_lock:  # who asks meanwhile waits for it
+        with self._health_lock:  # concurrent callers wait for it
             if key not in self._health:
                 recording = self.open(name)
                 stream = recording.cameras[camera]
@@ -105,7 +105,7 @@ class Library:
             self._open.clear()
 
     def _import(self, name: str) -> str:
-        """Turn an event file of the workspace into a recording beside it, once; gives the recording's name."""
+        """Import an event file of the workspace, once; returns the recording's name."""
         if name in self._imported:
             return self._imported[name]
         source = self._files_to_import().get(name)
@@ -116,7 +116,7 @@ class Library:
         return source.stem
 
     def _files_to_import(self) -> dict[str, Path]:
-        """Name in the list -> event file of the workspace that nobody has imported yet."""
+        """Name in the list -> event file of the workspace that is not imported yet."""
         recordings, called = self._workspace_names(), event_files()
         return {
             f"{path.name} ({called[path.suffix.lower()]}, imported when opened)": path
@@ -126,8 +126,8 @@ class Library:
 
     def _path(self, name: str) -> Path:
         name = self._imported.get(name, name)
-        if name in self._guests:
-            return self._guests[name]
+        if name in self._external:
+            return self._external[name]
         if name in self._workspace_names():  # never a path made from what a browser sent
             return self._workspace.recordings / f"{name}.h5"
         raise RecordingError("no such recording", got=repr(name), remedy="choose one from the list")

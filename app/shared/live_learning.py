@@ -1,4 +1,4 @@
-"""The policy of the live rally that learns while it plays: one learner for the rally, whoever looks."""
+"""Online learning in the live rally: one learner, shared by all browsers."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from core.online_learning.learner import OnlineLearner
 from core.online_learning.progress import LearningProgress
 from core.online_learning.start import LearningStart, start_from_nothing
 
-NO_ROBOT: Final = "Nothing to learn with: this source has no robot."
-NO_OUTCOMES: Final = "Nothing to learn from: this source does not tell what became of the strokes."
+NO_ROBOT: Final = "Learning is not possible: this source has no robot."
+NO_OUTCOMES: Final = "Learning is not possible: this source does not report outcomes of strokes."
 
 
 class LiveLearning:
-    """All methods may be called from any thread; those that wait for the learner are not for the loop."""
+    """Online learning of the rally. Thread-safe; methods that wait for the learner must not be called by the loop."""
 
     def __init__(self, player: LivePlayer, *, robot: bool, outcomes: bool) -> None:
         self._player = player
         self.reason = NO_ROBOT if not robot else "" if outcomes else NO_OUTCOMES
-        """Why nothing can be learned here; empty where it can."""
+        """Why learning is not possible here; empty if it is."""
         self._lock = threading.Lock()
         self._learner: OnlineLearner | None = None
         self._before: LiveController = BuiltInController()
@@ -32,16 +32,16 @@ class LiveLearning:
 
     @property
     def on(self) -> bool:
-        """Whether the learning policy plays; without that nothing is learned."""
+        """Whether the learning policy plays; it learns only then."""
         return isinstance(self._player.controller, LearningController)
 
     @property
     def progress(self) -> LearningProgress | None:
-        """Since learning began; None before."""
+        """Progress since learning began; None before."""
         return None if self._learner is None else self._learner.progress
 
     def begin(self, start: LearningStart | None = None) -> None:
-        """Let the learning policy play: from where it was, or if there is none yet from `start`, else from nothing.
+        """Let the learning policy play: continue the current one, else begin from `start` or untrained.
 
         Raises:
             RallyscopeError: if it cannot learn here, or not from there.
@@ -58,13 +58,13 @@ class LiveLearning:
                 self._player.use(learner.controller(self._before.goal_m))
 
     def stop(self) -> None:
-        """Let the controller before it play again; what was learned stays."""
+        """Let the previous controller play again; the learned policy is kept."""
         with self._lock:
             if self.on:
                 self._player.use(self._before.aimed_at(self._player.controller.goal_m))
 
     def reset(self, start: LearningStart) -> None:
-        """Forget everything and begin again from there.
+        """Discard the policy and begin again from `start`.
 
         Raises:
             RallyscopeError: if it cannot begin there; then nothing is forgotten.
@@ -74,14 +74,14 @@ class LiveLearning:
                 self._learner.reset(start)
 
     def save(self, run: Path) -> None:
-        """Keep what is known now as a run.
+        """Save the current policy as a run.
 
         Raises:
             RallyscopeError: if it cannot be written, or nothing was begun yet.
         """
         learner = self._learner
         if learner is None:
-            raise CommandError("nothing was learned yet")
+            raise CommandError("no policy was learned yet")
         learner.save(run)
 
     def close(self) -> None:

@@ -38,13 +38,13 @@ from core.robot import RobotClient, SourceWithRobot
 from core.robot.robot_step_test import RobotStepTest
 
 LIVE: Final = "live"
-"""Its name in the list of recordings."""
+"""Name of the live rally in the list of recordings."""
 REMEMBERED_S: Final = 20.0
 FORGET_EVERY_US: Final = 1_000_000
 
 
 class LiveRally:
-    """Listens, remembers, plays. All methods may be called from any thread."""
+    """The live rally: receives a source, keeps its history, and plays. Thread-safe."""
 
     def __init__(
         self, source: LiveSource, *, process: SimulationProcess | None = None, robot: RobotClient | None = None
@@ -57,19 +57,19 @@ class LiveRally:
         self._process = process
         self.source = source
         self.robot = robot
-        """One of the lab's own; the simulation's is part of its source."""
-        self._heard = source if robot is None else SourceWithRobot(source, robot)
+        """The external robot; the simulation's robot is part of its source."""
+        self._source_with_robot = source if robot is None else SourceWithRobot(source, robot)
         self.simulation = source if isinstance(source, SimulationClient) else None
-        """What serves, stops its clock and changes its scene; None where the source is no simulation."""
+        """Interface of the simulation (serves, pause, scene); None if the source is not a simulation."""
         self.recording = RingRecording(LiveConfig(seconds=REMEMBERED_S))
         self.history = RallyHistory()
         self.rows = LiveRows()
         self.bodies = PlayedBodies()
-        """Who is in the scene when."""
+        """Persons in the scene over time."""
         self.returns = ReturnCounts()
-        """Since this app was started, over all sessions of the source."""
+        """Returned balls since the app's start, over all sessions of the source."""
         self.watch = StreamWatch()
-        """What is missing of it."""
+        """Watches for lost blocks, cameras and delays."""
         self._drift: CalibrationDrift | None = None
         self._outcome_classifier = None if source.has_outcomes else SeenOutcomes(self.history)
         self._scene: str | None = None
@@ -81,12 +81,12 @@ class LiveRally:
         self._forgotten_us = 0
         source.add_listener(self.watch)
         source.add_listener(self.recording)
-        self.player = LivePlayer(self._heard)
+        self.player = LivePlayer(self._source_with_robot)
         self.step_test = None if robot is None else RobotStepTest(self.player, robot)
-        """Measures how late the robot of the lab's own is."""
+        """Measures the latency of the external robot."""
         self.learning = LiveLearning(self.player, robot=self.has_robot, outcomes=source.has_outcomes)
-        """The policy that learns while it plays."""
-        self._heard.add_listener(self)
+        """Online learning."""
+        self._source_with_robot.add_listener(self)
         self.player.add_step_listener(self._on_step)
 
     @property
@@ -96,32 +96,34 @@ class LiveRally:
 
     @property
     def state(self) -> m.WorldState | None:
-        """The newest state that the source told."""
+        """Newest state from the source."""
         return self.source.state
 
     @property
     def has_robot(self) -> bool:
-        """Whether somebody plays; otherwise balls are only watched."""
-        return self._heard.robot is not None
+        """Whether there is a robot; otherwise balls are only watched."""
+        return self._source_with_robot.robot is not None
 
     @property
     def drift(self) -> DriftReport:
-        """Whether the cameras still fit each other, as far as is known in this session."""
+        """Report of the calibration drift in this session."""
         drift = self._drift
         return DriftReport() if drift is None else drift.report
 
     @property
     def recorded(self) -> Path | None:
-        """The file that is being written."""
+        """File that is being recorded; None if none."""
         return None if self._recorder is None else self._recorder.path
 
     @property
     def recorded_s(self) -> float:
-        """Wall time since it was begun."""
+        """Wall time since the recording began, s."""
         return 0.0 if self._recorder is None else time.monotonic() - self._recorded_since_s
 
-    def attend(self, watched: bool) -> None:
-        """Whether anybody looks: for nobody the source may rest, unless the rally is recorded or learned from."""
+    def set_active(self, watched: bool) -> None:
+        """Set whether a browser is connected; without one the source may pause, unless the rally is recorded or
+        learns.
+        """
         if watched and not self._watched:
             self.watch.wake()
         self._watched = watched
@@ -140,7 +142,7 @@ class LiveRally:
             if self._recorder is not None:
                 raise RecordingError("the rally is being recorded already", where=self._recorder.path)
             self._recorded_since_s = time.monotonic()
-            self._recorder = LiveRecorder(self._heard, path, player=self.player)
+            self._recorder = LiveRecorder(self._source_with_robot, path, player=self.player)
             self._listen()
 
     def stop_recording(self) -> int:
@@ -159,34 +161,34 @@ class LiveRally:
                 self._listen()
 
     def recalibrate(self, cameras: Mapping[str, Camera]) -> bool:
-        """Follow with these cameras from now on; False where the source knows its cameras better."""
+        """Use these calibrations from now on; False if the source has its own."""
         if not isinstance(self.source, RecalibratedSource):
             return False
         self.source.recalibrate(cameras)
         return True
 
     def stop_simulation(self) -> None:
-        """End the simulation that was started for this rally, if one was; what it left can still be watched."""
+        """Stop the simulation process of this rally, if any; its history can still be watched."""
         if self._process is not None:
             self._process.stop()
 
     def close(self) -> None:
-        """Leave it; what is being recorded is finished."""
+        """Close the rally; a recording in progress is finished."""
         self.stop_recording()
         self.player.close()
         self.learning.close()
         if self._outcome_classifier is not None:
             self._outcome_classifier.close()
-        self._heard.close()
+        self._source_with_robot.close()
         if self.step_test is not None:
             self.step_test.close()
         self.recording.close()
         self.stop_simulation()
 
-    # What the source says, in its thread.
+    # Callbacks of the source, in its thread.
 
     def on_session(self, welcome: m.Reply) -> None:
-        """Begin anew with another session."""
+        """Reset for a new session."""
         self.history.clear()
         if self._outcome_classifier is not None:
             self._outcome_classifier.begin_anew()
@@ -197,10 +199,10 @@ class LiveRally:
         self._drift = None
 
     def on_events(self, batch: m.EventBatch) -> None:
-        """Kept by the recording."""
+        """Ignore events; the ring recording keeps them."""
 
     def on_state(self, state: m.WorldState) -> None:
-        """Where racket and ball really were."""
+        """Store the true poses of racket and ball."""
         if not state.ends_block:
             return
         seed, truth = self.source.welcome.seed, state.truth()
@@ -218,7 +220,7 @@ class LiveRally:
             self.rows.forget_before(state.t_us - round(REMEMBERED_S * 1e6))
 
     def on_notice(self, notice: m.Notice) -> None:
-        """Count the balls, and turn outcomes into landing spots."""
+        """Count the balls, and store landing points."""
         conditions = BallConditions(self.player.controller.name, self._scene or "")
         if isinstance(notice, m.ServeNotice):
             self.returns.begin_ball(conditions)
@@ -230,9 +232,9 @@ class LiveRally:
             self.history.add_outcome(Outcome(notice.t_us, notice.serve_us, notice.speed_mps, spot))
 
     def _on_step(self, session: str, state: PlayerState, decision: RacketDecision | None) -> None:
-        """In the player's thread."""
+        """Handle a step, in the player's thread."""
         if session == self._session:
-            if not self.has_robot:  # what a racket would do that is not there
+            if not self.has_robot:  # there is no racket to show
                 state, decision = replace(state, decision=None), None
             self.history.add_step(state)
             self._watch_calibration(state)
@@ -241,7 +243,7 @@ class LiveRally:
             self.rows.add_step(state, decision)
 
     def _watch_calibration(self, state: PlayerState) -> None:
-        """In the player's thread; begun anew with the cameras of each session."""
+        """Update the calibration drift, in the player's thread; restarted in each session."""
         drift = self._drift
         if drift is None:
             drift = self._drift = CalibrationDrift(self.source.welcome.calibrated())
@@ -277,5 +279,5 @@ def join_simulation(
 
 
 def positions(cameras: dict[str, Camera]) -> dict[str, NDArray[np.float64]]:
-    """Where cameras stand (3,), by name."""
+    """Positions (3,) of the cameras, by name."""
     return {name: camera.T_world_camera[:3, 3] for name, camera in cameras.items()}

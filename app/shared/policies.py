@@ -1,4 +1,4 @@
-"""Which trained policies there are, for whoever needs one: the live rally, a rally that is played again."""
+"""Trained policies that can play the live rally or replay balls."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LEARNS: Final = NAME
 
 
 def run_choices(workspace: Workspace) -> tuple[str, ...]:
-    """Names of the runs that have a policy to play with, the newest first."""
+    """Names of the runs with a policy, newest first."""
     found = []
     for name in workspace.run_names():
         run = workspace.run_path(name)
@@ -31,7 +31,7 @@ def run_choices(workspace: Workspace) -> tuple[str, ...]:
 
 
 def has_policy(workspace: Workspace, name: str) -> bool:
-    """Whether a run has written a policy already."""
+    """Whether a run has a policy."""
     return any(workspace.run_path(name).glob("seed-*/policy.safetensors"))
 
 
@@ -51,20 +51,20 @@ def let_play(live: LiveRally, workspace: Workspace, name: str) -> None:
     elif name in run_choices(workspace):  # never a path made from what a browser sent
         controller = load_controller(workspace.run_path(name), goal_m=goal)
         if controller.needs_spin and not live.player.config.chain.estimates_spin:
-            remedy = "follow the ball with the filter, or let a policy play that was trained without --state spin"
-            raise CommandError("this policy needs the ball's spin, and the chain does not tell it", remedy=remedy)
+            remedy = "use the filter, or a policy trained without --state spin"
+            raise CommandError("this policy needs the ball's spin, which the chain does not estimate", remedy=remedy)
         live.player.use(controller)
     else:
         raise CommandError("no policy to play with", got=repr(name[:80]), remedy="train one in the mode Train")
 
 
 def start_choices(workspace: Workspace) -> tuple[str, ...]:
-    """What learning in the live rally can start from: nothing, or a run that can go on, the newest first."""
+    """Starting points for online learning: untrained, or a run that can be resumed, newest first."""
     return (NOTHING, *(name for name in run_choices(workspace) if can_start_from(workspace.run_path(name))))
 
 
 def learning_start(workspace: Workspace, name: str) -> LearningStart:
-    """One of these. Reads files: not to be called by the loop.
+    """Load a starting point. Reads files: not to be called by the loop.
 
     Raises:
         RallyscopeError: if there is no such run, or it cannot be gone on with.

@@ -1,4 +1,4 @@
-"""What all browsers of the app watch: the live rally if there is one, and the recordings that have been followed."""
+"""Rallies shared by all browsers: the live rally if there is one, and processed recordings."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from core.history.rally_picture import People, RallyPicture
 from core.recordings import Recording
 
 GRACE_S: Final = 3.0
-"""So long after the last browser the live rally goes on: a page that is loaded again is no reason to stop it."""
+"""The live rally runs this long after the last browser left, so that reloading a page does not stop it."""
 
 
 @dataclass(slots=True)
 class Rallies:
-    """Owned by the app."""
+    """The rallies of the app."""
 
     live: LiveRally | None = None
     followings: Followings = field(default_factory=Followings)
     _watched_s: float = float("-inf")
 
-    def attend(self, watched: bool, wall_s: float) -> None:
-        """Say again and again whether there is a browser: without one the live rally rests."""
+    def set_active(self, watched: bool, wall_s: float) -> None:
+        """Call regularly with whether a browser is connected; without one the live rally pauses."""
         if watched:
             self._watched_s = wall_s
         if self.live is not None:
-            self.live.attend(wall_s - self._watched_s < GRACE_S)
+            self.live.set_active(wall_s - self._watched_s < GRACE_S)
 
     def of(self, recording: Recording) -> WatchedRally | None:
-        """The rally in a recording; None if it cannot be seen in space."""
+        """Rally of a recording; None if the recording is not stereo."""
         if self.live is not None and recording is self.live.recording:
             live = self.live
             return WatchedRally(live.history, live.cameras, live, None) if is_stereo(recording) else None
@@ -41,7 +41,7 @@ class Rallies:
         return None if following is None else WatchedRally(following.history, following.cameras, None, following)
 
     def close(self) -> None:
-        """End every pass over a recording."""
+        """Stop processing recordings."""
         self.followings.close()
         if self.live is not None:
             self.live.close()
@@ -49,29 +49,29 @@ class Rallies:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WatchedRally:
-    """One rally in space."""
+    """One rally in 3D."""
 
     history: RallyHistory
     cameras: dict[str, Camera]
     live: LiveRally | None
-    """None for a recording."""
+    """The live rally; None for a recording."""
     following: Following | None
 
     def people(self, t_us: int) -> People | None:
-        """The simulated persons at a time, where they are known."""
+        """Simulated persons at a time, if known."""
         if self.live is not None:
             return self.live.bodies.at(t_us)
         return None if self.following is None else self.following.bodies.at(t_us)
 
     def picture_of(self, moment: RallyMoment) -> RallyPicture:
-        """A moment as the 3D scene shows it."""
+        """Picture of a moment for the 3D scene."""
         picture = replace(moment.picture, people=self.people(moment.t_us))
         if self.live is None or not self.live.has_robot:
             return picture
         return replace(picture, landing_target=self.live.player.snapshot.goal_m)
 
     def picture_at(self, t_us: int) -> RallyPicture:
-        """A time as the 3D scene shows it."""
+        """Picture at a time for the 3D scene."""
         return self.picture_of(self.history.at(t_us, positions(self.cameras)))
 
     @property
@@ -83,5 +83,5 @@ class WatchedRally:
 
     @property
     def followed(self) -> float:
-        """Share of the recording that the chain has seen."""
+        """Share of the recording that the chain has processed."""
         return 1.0 if self.following is None else self.following.share

@@ -10,23 +10,23 @@ from core.errors import LinkError
 
 
 class SimulationProcess:
-    """Starts at once; `wait` gives its address."""
+    """The simulation's process; it starts at once, `wait` returns its address."""
 
     def __init__(self, *arguments: str, on_progress: Callable[[float], None] = lambda share: None) -> None:
-        """`arguments` are those of the verb; `on_progress` hears how much of it is compiled, 0 to 1."""
+        """`arguments` of the verb; `on_progress` gets the compiled share, 0 to 1."""
         self._address = ""
-        self._told = threading.Event()
+        self._started = threading.Event()
         self._on_progress = on_progress
         command = ("app.cli", "sim-server", "--bind", "tcp://127.0.0.1:0", "--until-eof", *arguments)
-        self._child = ChildProcess(*command, on_line=self._hear, on_end=self._told.set)
+        self._child = ChildProcess(*command, on_line=self._hear, on_end=self._started.set)
 
     def wait(self) -> str:
-        """Where it listens, once it is ready: a slow machine may compile it for minutes.
+        """Wait for its address; a slow machine may compile for minutes.
 
         Raises:
             LinkError: if it ends before.
         """
-        self._told.wait()
+        self._started.wait()
         if not self._address:
             remedy = "run `rallyscope sim-server` to see why"
             raise LinkError("the simulation did not start", got=self._child.last_words, remedy=remedy)
@@ -42,4 +42,4 @@ class SimulationProcess:
             self._on_progress(share)
         elif "tcp://" in line and not self._address:
             self._address = line[line.index("tcp://") :].split()[0]
-            self._told.set()
+            self._started.set()

@@ -1,4 +1,4 @@
-"""What a browser is told in any mode: a live source, camera or robot is lost or comes back, a camera was moved."""
+"""Notifications in any mode: a live source, camera or robot is lost or back, or a camera was moved."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from core.robot import RobotStatus
 
 LOOK_EVERY_S: Final = 0.5
 STOPPED: Final = "The live source has stopped"
+BACK: Final = {STOPPED: "The live source is back."}
+"""Texts of resolved problems; others have a general one."""
 
 
 class Notification(NamedTuple):
@@ -28,10 +30,10 @@ class SourceNotifications:
 
     def __init__(self) -> None:
         self._looked_s = float("-inf")
-        self._told: dict[str, str] = {}
+        self._shown: dict[str, str] = {}
 
     def of(self, live: LiveRally | None, wall_s: float) -> list[Notification]:
-        """What has changed since the last look."""
+        """Notifications about changes since the last call."""
         if live is None or wall_s - self._looked_s < LOOK_EVERY_S:
             return []
         self._looked_s = wall_s
@@ -45,23 +47,23 @@ class SourceNotifications:
         robot: RobotStatus | None = None,
         drift: DriftReport | None = None,
     ) -> list[Notification]:
-        """What is wrong and was not before, and what no longer is; each is told once."""
+        """Notifications about new and resolved problems; each is shown once."""
         now = _troubles(status, health) | _robot_troubles(robot) | _drift_troubles(drift)
-        begun = [Notification(title, body, "red") for title, body in now.items() if title not in self._told]
+        begun = [Notification(title, body, "red") for title, body in now.items() if title not in self._shown]
         over = [
-            Notification("It goes on", f"Over: {title[0].lower()}{title[1:]}.", "green")
-            for title in self._told.keys() - now
+            Notification("Resolved", BACK.get(title, f"No longer: {title[0].lower()}{title[1:]}."), "green")
+            for title in self._shown.keys() - now
         ]
-        self._told = now
+        self._shown = now
         return begun + over
 
 
 def _troubles(status: SourceStatus, health: StreamHealth) -> dict[str, str]:
-    """Title -> what it means."""
+    """Problems of the source: title -> explanation."""
     if status == "lost" or health.stopped:
-        return {STOPPED: "Nothing comes any more. What is remembered stays; Watch says more."}
+        return {STOPPED: "No data arrives. The last 20 s stay available; see Watch."}
     return {
-        f"Camera {one.name} is lost": "Nothing comes of it. The rest goes on; one camera alone sees no depth."
+        f"Camera {one.name} is lost": "No data arrives from it. The rest continues; one camera alone gives no depth."
         for one in health.cameras
         if one.lost
     }
@@ -72,9 +74,9 @@ def _robot_troubles(robot: RobotStatus | None) -> dict[str, str]:
     if robot is None:
         return {}
     if robot.connection == "lost":
-        return {"The robot is lost": "Nothing is heard of it, and nothing is sent to it. Watch says more."}
+        return {"The robot is lost": "No data arrives from it, and no targets are sent; see Watch."}
     if robot.stop is not None and robot.stop.by == "robot" and robot.counts.stops:
-        return {"The robot has stopped": f"{html_text(robot.stop.reason)}. In Watch a person can start it again."}
+        return {"The robot has stopped": f"{html_text(robot.stop.reason)}. It can be started again in Watch."}
     return {}
 
 
@@ -82,7 +84,5 @@ def _drift_troubles(report: DriftReport | None) -> dict[str, str]:
     """Problems of the calibration, without figures: a changing figure would repeat the notification."""
     if report is None or not report.alarm:
         return {}
-    body = (
-        "One was moved, or its lens. Positions in space are wrong until they are calibrated again; Watch says how far."
-    )
-    return {"The cameras no longer fit each other": body}
+    body = "A camera or lens was moved. Positions in space are wrong until you calibrate again; see Watch."
+    return {"The calibration has drifted": body}

@@ -43,26 +43,26 @@ class RunState:
     phase: RunPhase
     status: RunStatus | None
     episodes_per_s: float | None
-    """How fast it may go; None: as fast as it can."""
+    """Limit of its speed; None: unlimited."""
     changed_s: float
     """When its files were last written, seconds since the epoch."""
     message: str = ""
-    """What went wrong, in one line."""
+    """Error message, in one line."""
 
     @property
     def active(self) -> bool:
-        """A process trains it."""
+        """Whether a process trains it."""
         return self.phase in ACTIVE
 
     @property
     def resumable(self) -> bool:
-        """It ended, or never began, before all was done."""
+        """Whether it ended, or never began, before it was complete."""
         return self.phase in ("new", "stopped", "failed")
 
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """A process that this app started and that is over."""
+    """A process of this app that has ended."""
 
     returncode: int
     log_tail: tuple[str, ...]
@@ -80,7 +80,7 @@ def judge_run(
     elif status is not None and status.state in ("running", "paused") and (child_lives or is_held(run)):
         phase = "stopping" if stopping else status.state
     elif child_lives:
-        phase = "ending"  # its last word is said
+        phase = "ending"  # its last status is written
     elif ended is not None and ended.returncode != 0:
         phase, message = "failed", _why(status, ended)
     elif status is None:
@@ -103,8 +103,8 @@ def _why(status: RunStatus | None, ended: Ended) -> str:
     for line in reversed(ended.log_tail):
         if line.startswith("rallyscope: ") and "this is a bug" not in line:
             return line.removeprefix("rallyscope: ")
-    said = status.message if status is not None and status.state == "failed" else ""
-    return f"{said or UNEXPECTED} (exit code {ended.returncode})"
+    failure = status.message if status is not None and status.state == "failed" else ""
+    return f"{failure or UNEXPECTED} (exit code {ended.returncode})"
 
 
 def _changed_s(run: Path) -> float:
@@ -131,9 +131,9 @@ def read_log_tail(run: Path) -> tuple[str, ...]:
 
 logger = logging.getLogger(__name__)
 COMMAND = (sys.executable, "-P", "-m", "app.cli", "train", "--resume")
-"""Where it is done and the run's folder follow; nothing that a browser sent is in them but a slug."""
+"""Command line; backend flags and the run's folder follow. Of a browser's input it contains only a slug."""
 SEEDS_HERE = 1
-"""At a time: the app has work for the other cores."""
+"""Seeds trained at a time: the app needs the other cores."""
 
 
 @dataclass(slots=True)
@@ -150,7 +150,7 @@ class Trainer:
     def __init__(self, workspace: Workspace, places: JobBackends = HERE_ONLY) -> None:
         self._workspace, self._places = workspace, places
         self._place_of: dict[str, str] = {}
-        """Where a run was started by this app: there it goes on, too."""
+        """Backend of each run that this app started; a resumed run uses the same."""
         self._lock = threading.RLock()
         self._child: _Child | None = None
         self._stopping: str | None = None
@@ -158,7 +158,7 @@ class Trainer:
         self._configs: dict[str, tuple[float, RunConfig]] = {}
 
     def runs(self) -> tuple[RunState, ...]:
-        """All runs of the workspace, the last one that something happened to first."""
+        """All runs of the workspace, last changed first."""
         with self._lock:
             self._reap()
             found = [state for name in self._workspace.run_names() if (state := self._state(name)) is not None]
@@ -167,17 +167,17 @@ class Trainer:
         return tuple(sorted(found, key=lambda state: state.changed_s, reverse=True))
 
     def active(self) -> RunState | None:
-        """The run that is being trained now."""
+        """The run in training."""
         return next((state for state in self.runs() if state.active), None)
 
     def free_name(self, stem: str) -> str:
-        """A name that no run has yet: the stem with a number."""
+        """Unused run name: the stem with a number."""
         stem = slug_from(stem)[:50]
         taken = set(self._workspace.run_names())
         return next(name for number in range(1, len(taken) + 2) if (name := f"{stem}-{number}") not in taken)
 
     def start(self, name: str, config: RunConfig, episodes_per_s: float | None, place: str = THIS_MACHINE) -> str:
-        """Begin a new run; returns the name it got.
+        """Start a new run; returns its name.
 
         Raises:
             RallyscopeError: if another one is being trained, the name is taken or unusable, or there is no such place.
@@ -195,7 +195,7 @@ class Trainer:
             return run.name
 
     def resume(self, name: str) -> None:
-        """Go on with a run that was stopped, or whose process died, from its last checkpoint.
+        """Resume a stopped or crashed run from its last checkpoint.
 
         Raises:
             RallyscopeError: if there is no such run, it is finished, or another one is being trained.
@@ -210,7 +210,7 @@ class Trainer:
             self._launch(run)
 
     def ask(self, command: RunCommand) -> None:
-        """Pause, stop, or go on with the run that is being trained; nothing if there is none."""
+        """Pause, stop, or continue the run in training; nothing if there is none."""
         with self._lock:
             state = self.active()
             if state is None:
@@ -221,7 +221,7 @@ class Trainer:
             write_control(run, replace(read_control(run), command=command))
 
     def set_pace(self, episodes_per_s: float | None) -> None:
-        """Slow the run that is being trained down, or let it go as fast as it can; nothing if there is none."""
+        """Limit the speed of the run in training, or remove the limit; nothing if there is none."""
         with self._lock:
             state = self.active()
             if state is not None:
@@ -251,7 +251,7 @@ class Trainer:
                     stdin=subprocess.DEVNULL,
                     stdout=log,
                     stderr=subprocess.STDOUT,
-                    start_new_session=True,  # Ctrl-C in the terminal of the app is not meant for it
+                    start_new_session=True,  # Ctrl-C in the app's terminal must not reach it
                     creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),  # the same on Windows
                     env={**os.environ, "PYTHONUNBUFFERED": "1"},
                 )
@@ -291,14 +291,14 @@ class Trainer:
         return state
 
     def _insist(self, state: RunState) -> None:
-        """A process that is just starting takes what it finds for old commands and goes on: say it again."""
+        """Repeat a command: a process that is just starting ignores earlier ones."""
         if state.phase == "stopping":
             run = self._workspace.run_path(state.name)
             if read_control(run).command != "stop":
                 write_control(run, replace(read_control(run), command="stop"))
 
     def _config(self, run: Path) -> RunConfig | None:
-        """None for a run of another version, or one that is just being made."""
+        """Config of a run; None for a run of another version, or one that is just being created."""
         try:
             changed_s = (run / "config.toml").stat().st_mtime
             known = self._configs.get(run.name)

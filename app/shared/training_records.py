@@ -1,4 +1,4 @@
-"""The growing files of a training run: its metrics as arrays, and any of its balls played again.
+"""The growing files of a training run: its metrics as arrays, and replays of its balls.
 
 Serve and action come from the line of an episode; the path is the one of the closed-form simulator that judged it.
 """
@@ -33,12 +33,12 @@ Array = NDArray[np.float64]
 COLUMNS: Final = ("case", "reward", "error_mm", "noise", "w1", "w2", "speed_mps")
 WIDTH: Final = len(COLUMNS) + 4
 LARGEST: Final = 1e12
-"""A damaged line may hold whole numbers of hundreds of digits."""
+"""Largest credible number: a damaged line may hold numbers of hundreds of digits."""
 RECENT: Final = 24
-"""Whole lines that are kept, to play those balls again."""
+"""Number of complete lines kept for replays."""
 FILES_KEPT: Final = 64
 LAST_LINE_BYTES: Final = 1024
-"""More than an evaluation's line."""
+"""Bytes read for the last line: more than an evaluation's line."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,16 +46,16 @@ class Metrics:
     """Episodes of one seed, in order; NaN for what is not known."""
 
     columns: dict[str, Array]
-    """Each (N,), by the names in COLUMNS."""
+    """Columns (N,) by the names in COLUMNS."""
     landings_m: Array
-    """(N, 2)."""
+    """Positions, (N, 2), m."""
     goals_m: Array
-    """(N, 2)."""
+    """Positions, (N, 2), m."""
     evaluations: tuple[dict[str, object], ...]
     recent: tuple[dict[str, object], ...]
     """The newest lines, oldest first."""
     stage_starts: tuple[dict[str, object], ...] = ()
-    """The lines that tell what a new stage kept of the replay buffer."""
+    """Lines with what a new stage kept of the replay buffer."""
 
     def __len__(self) -> int:
         return len(self.landings_m)
@@ -72,7 +72,7 @@ class MetricsReader:
         self._forget()
 
     def read(self) -> Metrics:
-        """Everything that is written by now.
+        """All episodes written so far.
 
         Raises:
             ConfigError: if something else has written there.
@@ -175,23 +175,23 @@ RACKET_STEP_S: Final = 1 / 60
 TRAIL_S: Final = 0.35
 TRAIL_POINTS: Final = 48
 AFTER_LANDING_S: Final = 0.45
-"""How long a ball is still shown after it came down."""
+"""Time that a ball is shown after it landed."""
 LONGEST_S: Final = 3.0
 STATE_SHAPES: Final = tuple((size,) for size in STATE_SIZES.values())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ball:
-    """One episode, to be played again."""
+    """One episode for a replay."""
 
     serve: Array
     """(9,) position, velocity, spin at the launch."""
     goal_m: Array
-    """(2,)."""
+    """Landing target, (2,), m."""
     state: Array | None
-    """(6,) as perceived, with spin (12,); None if nothing was."""
+    """Perceived state, (6,), with spin (12,); None if the ball was not seen."""
     action: Array
-    """(3,), or with the racket's speed (4,), with the noise of the exploration."""
+    """Action with exploration noise: (3,), or (4,) with the racket's speed."""
     racket_speed_mps: float
     aim_m: Array | None
     aim_t_s: float | None
@@ -203,7 +203,7 @@ class Ball:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Replay:
-    """A ball in play, from the launch until a little after it came down."""
+    """Replay of a ball from the launch until shortly after its landing."""
 
     ball: Ball
     title: str
@@ -211,13 +211,13 @@ class Replay:
     error_mm: float
     path: Trajectory
     rackets: tuple[Pose, ...]
-    """One every RACKET_STEP_S."""
+    """Racket poses, one every RACKET_STEP_S."""
     target: Pose | None
-    """The racket at the impact."""
+    """Racket pose at the impact."""
     duration_s: float
 
     def picture(self, t_s: float, spots: tuple[LandingSpot, ...]) -> RallyPicture:
-        """What is seen `t_s` after the launch, among the landing spots of balls before."""
+        """Picture `t_s` after the launch, with earlier landing points."""
         t = min(max(t_s, 0.0), self.duration_s)
         times = np.linspace(max(0.0, t - TRAIL_S), t, TRAIL_POINTS)
         trail = self.path.at(times)[:, :3]
@@ -234,7 +234,7 @@ class Replay:
 
 
 def ball_of_line(line: dict[str, object]) -> Ball | None:
-    """The ball of an episode's line; None for a line that does not tell enough."""
+    """Ball of an episode's line; None if the line is incomplete."""
     try:
         aim = None if line.get("aim_m") is None else _vector(line["aim_m"], 3)
         aim_t = line.get("aim_t_s")
@@ -258,7 +258,7 @@ def ball_of_line(line: dict[str, object]) -> Ball | None:
 
 
 def replay_ball(ball: Ball, environment: EnvironmentConfig, policy: Policy | None, title: str) -> Replay:
-    """The ball with the action that was played, or with what a policy would do without any noise."""
+    """Replay of a ball with its recorded action, or with a policy's action without noise."""
     task = environment.task
     serves = Serves(ball.serve[None, :3], ball.serve[None, 3:6], ball.serve[None, 6:])
     action = ball.action
@@ -292,14 +292,14 @@ def _strokes(ball: Ball, action: Array, environment: EnvironmentConfig) -> Strok
 
 
 def _down_s(outcomes: Outcomes) -> float:
-    """When the stroke has shown what it is worth."""
+    """Time at which the outcome of the stroke is known, s."""
     return float(np.fmax(outcomes.contact_t_s[0], outcomes.landing_t_s[0]))
 
 
 def _rackets(
     strokes: Strokes | None, meets_p: Array, meets_s: float, environment: EnvironmentConfig, duration_s: float
 ) -> tuple[tuple[Pose, ...], Pose | None]:
-    """From rest to the ball, through it, and back, as the simulated racket moves."""
+    """Racket poses from rest through the impact and back, as in the simulation."""
     config, home = RacketConfig(), base_orientation(environment.task.stroke)
     racket = upright_racket(config)
     target = None

@@ -1,4 +1,4 @@
-"""The folder that holds everything of a user: recordings, configs, later runs, labels and exports.
+"""The user's folder: recordings, configs, runs, labels and exports.
 
 A browser only ever sends names from lists that the server made, or new names, which become slugs here.
 """
@@ -64,12 +64,12 @@ class Workspace:
 
     @property
     def exports(self) -> Path:
-        """Folder of what was exported."""
+        """Folder of the exports."""
         return self._folder("exports")
 
     @property
     def browsers(self) -> Path:
-        """Folder of what is kept for each browser."""
+        """Folder of the browsers' stored settings."""
         return self._folder("browsers")
 
     @property
@@ -79,7 +79,7 @@ class Workspace:
 
     @property
     def cameras(self) -> Path:
-        """What is known of the event cameras: biases and calibrations."""
+        """Folder of the event cameras' biases and calibrations."""
         return self._folder("cameras")
 
     def run_path(self, name: str) -> Path:
@@ -87,7 +87,7 @@ class Workspace:
         return self.runs / slug_from(name)
 
     def run_names(self) -> tuple[str, ...]:
-        """Names of the trainings, in no order that means anything."""
+        """Names of the trainings, unordered."""
         return tuple(path.parent.name for path in self.runs.glob("*/config.toml") if _SLUG.fullmatch(path.parent.name))
 
     def config_path(self, name: str) -> Path:
@@ -95,7 +95,7 @@ class Workspace:
         return self.configs / f"{slug_from(name)}.toml"
 
     def keep_config(self, name: str, detector: SavedDetector) -> Path:
-        """Save a detector over nothing but the same, other servers' included: as NAME, or NAME-2 and so on.
+        """Save a detector config without overwriting a different one: as NAME, or NAME-2 and so on.
 
         Raises:
             ConfigError: if it cannot be written.

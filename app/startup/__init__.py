@@ -1,1 +1,1 @@
-"""What a first start has to compile and to make, beside the app: child processes, steps in words, their card."""
+"""Preparation of a first start: compiling and the demo recording in child processes, with progress."""

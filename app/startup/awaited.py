@@ -1,4 +1,4 @@
-"""One browser's wait for the recording that it opens with, such as a live rally that is being prepared."""
+"""A browser's wait for its first recording, such as a live rally in preparation."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class AwaitedRecording:
     def __init__(
         self, library: Library, preparation: Preparation | None, add_card: Callable[[], PreparationPanel]
     ) -> None:
-        """A card shows the preparation until it is over; None if there is nothing to prepare."""
+        """`preparation` is shown as a card until it is over; None if there is nothing to prepare."""
         self._library = library
         self._preparation = preparation
         self._card = None if preparation is None or preparation.over else add_card()
@@ -23,15 +23,15 @@ class AwaitedRecording:
 
     @property
     def waiting(self) -> bool:
-        """Whether something is still expected."""
+        """Whether it is still waiting."""
         return self._name is not None
 
     def expect(self, name: str | None) -> None:
-        """Wait for the recording of this name; None, when a person chose another, for nothing any more."""
+        """Wait for this recording; None cancels the wait, as another was chosen."""
         self._name = name
 
     def tick(self) -> str | None:
-        """Show how far the preparation is; the name of the recording once it is there."""
+        """Show the progress; returns the recording's name once it exists."""
         if self._card is not None and self._preparation is not None:
             self._card.show(self._preparation.steps)
             if self._preparation.over:

@@ -1,4 +1,4 @@
-"""`python -m app.startup.chain`: compile what follows a ball, so that the app finds it compiled."""
+"""`python -m app.startup.chain`: compile the chain, so that the app can load it compiled."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TELL_EVERY_S: Final = 0.5
 
 
 def marker() -> Path | None:
-    """A file that is there if this code was compiled before; None if compiled code cannot be kept."""
+    """Marker file that exists if this code was compiled before; None if compiled code cannot be cached."""
     folder = jit.cache_folder()
     return None if folder is None else folder / f"chain-{jit.source_stamp(Path(chain_warm_up.__file__))}"
 
@@ -51,7 +51,7 @@ def compile_chain(on_progress: Callable[[int, int], None]) -> None:
 
 
 def main() -> int:
-    """Compile, telling how far it is, and leave the marker."""
+    """Compile, print the progress, and write the marker."""
     end_with_parent()
     compile_chain(lambda ready, known: send_to_parent(f"{ready} of about {known} kernels"))
     place = marker()

@@ -12,16 +12,16 @@ from core.simulation import ensure_demo
 
 
 def main(path: Path) -> int:
-    """Make it, telling how far it is."""
+    """Make the demo recording, and print the progress."""
     end_with_parent()
     give_way()
-    told = -1
+    reported = -1
 
     def tell(share: float) -> None:
-        nonlocal told
-        if round(100 * share) > told:
-            told = round(100 * share)
-            send_to_parent(f"{told} of 100")
+        nonlocal reported
+        if round(100 * share) > reported:
+            reported = round(100 * share)
+            send_to_parent(f"{reported} of 100")
 
     try:
         ensure_demo(path, tell)

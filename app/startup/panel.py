@@ -1,4 +1,4 @@
-"""The card that a browser shows while not everything is ready."""
+"""The card that a browser shows while the app is being prepared."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class PreparationPanel:
         self._panel.float(x=PLACE_PX[0], y=PLACE_PX[1], width=SIZE_PX[0], height=SIZE_PX[1])
 
     def show(self, steps: Sequence[Step]) -> None:
-        """Show what is done and what is not; nothing if everything is."""
+        """Show the steps; nothing once all are done."""
         content = card_html(steps)
         if content and self._card.content != content:
             self._card.content = content
@@ -38,7 +38,7 @@ def card_html(steps: Sequence[Step]) -> str:
     if all(step.state == "done" for step in steps):
         return ""
     rows = "".join(map(_row, steps))
-    note = "You can open a recording meanwhile; the live rally appears by itself."
+    note = "You can open a recording meanwhile; the live rally will appear here."
     return (
         f"<div style='font-size:13px;padding:6px 14px;line-height:1.5'>{rows}"
         f"<div style='color:{theme.MUTED};padding-top:6px'>{note}</div></div>"
@@ -47,15 +47,15 @@ def card_html(steps: Sequence[Step]) -> str:
 
 def _row(step: Step) -> str:
     colours = {"waiting": theme.MUTED, "running": "inherit", "done": theme.GOOD, "failed": theme.BAD}
-    said = html_text(step.title)
+    html = html_text(step.title)
     if step.state == "running":
-        said += f" <b>{step.share:.0%}</b>" if step.share else " ..."
-        said += f"<div style='color:{theme.MUTED};font-size:11.5px'>{html_text(step.hint)}</div>" if step.hint else ""
-        said += _bar(step.share)
+        html += f" <b>{step.share:.0%}</b>" if step.share else " ..."
+        html += f"<div style='color:{theme.MUTED};font-size:11.5px'>{html_text(step.hint)}</div>" if step.hint else ""
+        html += _bar(step.share)
     elif step.state == "failed":
-        said += f"<div style='font-size:11.5px'>{html_text(step.problem)}</div>"
+        html += f"<div style='font-size:11.5px'>{html_text(step.problem)}</div>"
     sign = f"<span style='display:inline-block;width:20px'>{SIGNS[step.state]}</span>"
-    return f"<div style='color:{colours[step.state]};display:flex'>{sign}<div style='flex:1'>{said}</div></div>"
+    return f"<div style='color:{colours[step.state]};display:flex'>{sign}<div style='flex:1'>{html}</div></div>"
 
 
 def _bar(share: float) -> str:

@@ -1,4 +1,4 @@
-"""Brings up the live rally and the demo recording beside the app, what is needed first first."""
+"""Starts the live rally and makes the demo recording in the background, most urgent first."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ OWN_STEPS: Final = {
     "simulation": Step("Compiling the simulation", FIRST_ONLY),
     "chain": Step("Compiling the ball detector and the player", FIRST_ONLY),
     "rally": Step("Starting the live rally"),
-    "demo": Step("Making the demo recording", "on the first start only, some seconds"),
+    "demo": Step("Making the demo recording", "on the first start only, a few seconds"),
 }
 REMOTE_STEPS: Final = {
-    "simulation": Step("Waiting for the simulation", "it is being compiled over there"),
+    "simulation": Step("Waiting for the simulation", "it is being compiled on the other machine"),
     "chain": OWN_STEPS["chain"],
     "rally": OWN_STEPS["rally"],
 }
@@ -70,7 +70,7 @@ class Startup:
         self._taker: Callable[[LiveRally], None] | None = None
         self._live: LiveRally | None = None
         self.problem: RallyscopeError | None = None
-        """Why there will be no live rally."""
+        """Why there is no live rally; empty if it is coming or there."""
         self._process: SimulationProcess | None = None
         if address is None and source is None:
             self._process = SimulationProcess(*arguments, on_progress=self._simulation_progress)
@@ -88,11 +88,11 @@ class Startup:
         return self._address is not None
 
     def wait_for_change(self) -> None:
-        """Until it is known whether the simulation is there, is being prepared, or is not there."""
+        """Wait until it is known whether the simulation is ready, in preparation, or missing."""
         self._news.wait()
 
     def hand_over(self, taker: Callable[[LiveRally], None]) -> None:
-        """`taker` gets the live rally, at once if it is there, else as soon as it is, from another thread."""
+        """Pass the live rally to `taker`: at once if it is ready, else later from another thread."""
         with self._lock:
             self._taker = taker
             live = self._live
@@ -100,7 +100,7 @@ class Startup:
             taker(live)
 
     def stop(self) -> None:
-        """End what is still being prepared; nothing is said from now on."""
+        """Stop the preparation; nothing is reported from now on."""
         with self._lock:
             self._stopped = True
             children, process = tuple(self._children), self._process
@@ -143,10 +143,10 @@ class Startup:
     def _compile_chain(self) -> None:
         self.preparation.begin("chain")
         place = marker()
-        if place is None:  # nothing that a child compiles could be kept
+        if place is None:  # no cache for compiled code
             compile_chain(lambda ready, known: self.preparation.advance("chain", ready / known))
         elif not place.exists() and self._run_child("chain", "app.startup.chain") and not self._stopped:
-            logger.warning("compiling ahead failed: %s", self._children[-1].last_words)  # the player does it, then
+            logger.warning("compiling ahead failed: %s", self._children[-1].last_words)  # the player compiles it then
         self.preparation.finish("chain")
         self._chain_is_compiled.set()
 

@@ -1,1 +1,1 @@
-"""What one browser has chosen as one frozen value, and the commands that make the next one of it."""
+"""State of one browser as one frozen value, and the commands that change it."""

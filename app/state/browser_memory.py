@@ -1,4 +1,4 @@
-"""What the server keeps for each browser: its detector configs with their undo, and what it was shown already.
+"""Stored data of each browser: its detector configs with undo, and the hints it has seen.
 
 The view itself is in the address.
 """
@@ -25,16 +25,16 @@ from core.text.json_text import parse_json
 
 logger = logging.getLogger(__name__)
 MAX_STEPS: Final = 50
-"""Of undo and of redo that are kept."""
+"""Most steps of undo, and of redo, that are kept."""
 MAX_BROWSERS: Final = 500
 MAX_FILE_BYTES: Final = 2_000_000
 MAX_SEEN: Final = 32
 MAX_SEEN_BYTES: Final = 4096
 KINDS: Final = ("json", "seen")
-"""One file a browser of each."""
+"""Kinds of files; one file of each kind per browser."""
 _BROWSER: Final = re.compile(r"[0-9a-f]{32}")
 STAGED_NAME: Final[Method] = "auto"
-"""Under which the configs are kept that the methods with stages share."""
+"""Key of the configs that the methods with stages share."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,18 +44,18 @@ class Remembered:
     configs: History[Configs]
     own_configs: Mapping[Method, History[Configs]] = field(default_factory=dict)
     method: Method = UNNAMED_METHOD
-    """The chosen one."""
+    """The chosen method."""
 
 
 class BrowserMemory:
-    """One file a browser in a folder of the workspace; thread-safe."""
+    """Storage of browsers' data in a folder of the workspace; thread-safe."""
 
     def __init__(self, workspace: Workspace) -> None:
         self._workspace = workspace
         self._lock = threading.Lock()
 
     def recall(self, browser: str) -> Remembered | None:
-        """What was kept; None for a browser that is not known, or whose file cannot be used."""
+        """Stored settings; None for an unknown browser or an unusable file."""
         if not _BROWSER.fullmatch(browser):
             return None
         try:
@@ -68,7 +68,7 @@ class BrowserMemory:
             return None
 
     def keep(self, browser: str, remembered: Remembered) -> None:
-        """Write it down; a browser that keeps no cookie is forgotten."""
+        """Store settings; nothing is stored for a browser without a cookie."""
         if not _BROWSER.fullmatch(browser):
             return
         data = json.dumps(_encode(remembered), separators=(",", ":")).encode()
@@ -80,14 +80,14 @@ class BrowserMemory:
                 logger.warning("the settings of a browser are not kept: %s", error)
 
     def knows(self, browser: str) -> bool:
-        """Whether anything is kept for this browser."""
+        """Whether anything is stored for this browser."""
         try:
             return bool(_BROWSER.fullmatch(browser)) and any(self._path(browser, kind).is_file() for kind in KINDS)
         except (OSError, CommandError):
             return False
 
     def seen(self, browser: str) -> frozenset[str]:
-        """What it was shown and need not be shown again."""
+        """Names of the hints it has seen."""
         if not _BROWSER.fullmatch(browser):
             return frozenset()
         try:
@@ -98,14 +98,14 @@ class BrowserMemory:
             return frozenset()
 
     def note_seen(self, browser: str, what: str) -> None:
-        """Keep that it was shown something."""
+        """Store that it has seen a hint."""
         if not _BROWSER.fullmatch(browser):
             return
         with self._lock:
             known = self.seen(browser)
             try:
                 if what not in known:
-                    with self._path(browser, "seen").open("ab") as file:  # added to what another server writes, too
+                    with self._path(browser, "seen").open("ab") as file:  # merged with what another server has written
                         if file.tell() > MAX_SEEN_BYTES:
                             file.truncate(0)
                         file.write(f"\n{what}\n".encode())

@@ -1,4 +1,4 @@
-"""Everything one browser has chosen, as one frozen value. What is shown is computed from it."""
+"""State of one browser as one frozen value, from which everything shown is computed."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ Arrangement = Literal["side by side", "stacked"]
 ARRANGEMENTS: Final[tuple[Arrangement, ...]] = get_args(Arrangement)
 Overlay = Literal["raw", "denoised", "clusters", "polarity", "geometry", "result"]
 OVERLAYS: Final[tuple[Overlay, ...]] = get_args(Overlay)
-"""What Tune draws: each stage's view, and the result alone."""
+"""Views of Tune: one for each stage, and the result alone."""
 Slot = Literal["A", "B"]
 SLOTS: Final[tuple[Slot, ...]] = get_args(Slot)
 
 
 @dataclass(frozen=True, slots=True)
 class RenderSettings:
-    """How events are drawn, in every mode."""
+    """Settings of the event pictures, in every mode."""
 
     window_us: int = 5_000
-    """Watch's accumulation window; Tune shows the detector's own."""
+    """Accumulation window of Watch; Tune shows the detector's own window."""
     rendering: Rendering = "polarity"
     colours: PolarityColours = "orange / blue"
     arrangement: Arrangement = "side by side"
@@ -40,42 +40,42 @@ class RenderSettings:
 
 @dataclass(frozen=True, slots=True)
 class TuneView:
-    """What of the detector is shown."""
+    """View settings of Tune."""
 
     overlay: Overlay = "geometry"
     zoom: float = 1.0
     centre_px: tuple[float, float] | None = None
-    """Of the zoomed view; None follows the ball."""
+    """Centre of the zoomed view, px; None follows the ball."""
     slot: Slot = "A"
     """The config that the sliders change."""
     compare: bool = False
     """Both configs side by side on the same window."""
     method: Method = DEFAULT_METHOD
-    """The one that the sliders, the picture and the scores are of; Watch, Label and Export detect with it, too."""
+    """Method of the sliders, the picture and the scores; Watch, Label and Export detect with it, too."""
     compared: tuple[Method, ...] = ("auto", "refined")
-    """Those that are compared, in their usual order."""
+    """Compared methods, in their usual order."""
     side_by_side: bool = False
-    """The compared methods beside each other on the same window, instead of one method's configs."""
+    """Whether the compared methods are shown side by side, instead of one method's configs."""
     show_truth: bool = True
 
 
 @dataclass(frozen=True, slots=True)
 class WatchView:
-    """How Watch shows a rally."""
+    """View settings of Watch."""
 
     in_space: bool = True
-    """In 3D where the recording is stereo; else the flat pictures."""
+    """Whether it shows 3D (stereo recordings only) or the cameras' pictures."""
     hidden: frozenset[str] = frozenset()
-    """Layers that are switched off."""
+    """Hidden layers."""
     large: str = ""
-    """The camera whose picture fills the middle instead of all this; none if empty."""
+    """Camera whose picture fills the middle; none if empty."""
     table: TableClicks = field(default_factory=TableClicks)
     swept: SweptCells = field(default_factory=SweptCells)
     board: BoardGuide = field(default_factory=BoardGuide)
 
     @property
     def framed(self) -> SweptCells:
-        """What is framed in the flat pictures; one of the two guides at a time is active."""
+        """Frames in the cameras' pictures; one of the two coverage guides at a time is active."""
         return self.board.cells if self.board.cells.active else self.swept
 
 
@@ -93,30 +93,30 @@ class Configs:
 
 @dataclass(frozen=True, slots=True)
 class ClientState:
-    """Everything that one browser has chosen."""
+    """State of one browser."""
 
     recording: str
-    """Name in the library."""
+    """Name of the recording in the library."""
     cameras: tuple[str, ...]
-    """Its cameras."""
+    """Names of its cameras."""
     camera: str
-    """The one that Tune looks at."""
+    """Camera shown in Tune."""
     playhead: Playhead
     configs: History[Configs]
-    """Of the methods with stages, which share them."""
+    """Settings of the methods with stages, which share them."""
     own_configs: Mapping[Method, History[Configs]] = field(default_factory=dict)
-    """Of each other method that was edited: they see windows of another length."""
+    """Settings of each other method that was edited; these have window lengths of their own."""
     mode: ModeName = "Watch"
     step_us: int = 1_000
     marks_us: tuple[int, ...] = ()
-    """Moments of this recording that the person has marked, ascending."""
+    """Marked times of this recording, ascending."""
     look: RenderSettings = field(default_factory=RenderSettings)
     tune: TuneView = field(default_factory=TuneView)
     watch: WatchView = field(default_factory=WatchView)
     looks: int = 0
-    """How often a moment of a camera was handed from one mode to another."""
+    """Count of jumps from one mode to a moment in another."""
     score_by: str | None = None
-    """The annotator against whose labels Tune is to score, as soon as it can."""
+    """Annotator against whose labels Tune is to score next."""
 
     @property
     def config(self) -> DetectorConfig:
@@ -135,11 +135,11 @@ class ClientState:
 
     @property
     def history(self) -> History[Configs]:
-        """The configs of the chosen method, with what was edited."""
+        """Configs of the chosen method with their undo history."""
         return self.history_of(self.tune.method)
 
     def config_of(self, method: Method) -> DetectorConfig:
-        """What a method runs with in the chosen slot."""
+        """Config of a method in the chosen slot."""
         return self.history_of(method).present.of(self.tune.slot)
 
     def history_of(self, method: Method) -> History[Configs]:
@@ -152,11 +152,11 @@ class ClientState:
         return History(Configs(replace(present.a, window=window), replace(present.b, window=window)))
 
     def with_history(self, history: History[Configs]) -> ClientState:
-        """A copy with other configs of the chosen method."""
+        """Copy of the state with other configs of the chosen method."""
         if self.tune.method in STAGED:
             return replace(self, configs=history)
         return replace(self, own_configs={**self.own_configs, self.tune.method: history})
 
     def without_growth(self) -> ClientState:
-        """The state but for how far a live recording has grown: that alone changes no control."""
+        """State without the growth of a live recording, which changes no control."""
         return replace(self, playhead=self.playhead.grown(0, 0)) if self.playhead.live else self

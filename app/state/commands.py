@@ -1,4 +1,4 @@
-"""What a browser may ask for: frozen commands, each a pure step from one state to the next.
+"""Commands of a browser: frozen values, each a pure step from one state to the next.
 
 Callbacks of the browser only make and enqueue these; one loop applies them. Values come from untrusted browsers, so
 every command accepts only what its control offers and otherwise leaves the state as it is.
@@ -65,7 +65,7 @@ class Seek:
 
 @dataclass(frozen=True, slots=True)
 class StepTime:
-    """By so many of the chosen steps; negative goes back."""
+    """Step the cursor by a number of steps; negative goes back."""
 
     steps: int
 
@@ -108,7 +108,7 @@ class Shuttle:
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """Play a section again and again; None ends it."""
+    """Repeat a section; None ends it."""
 
     section_us: tuple[int, int] | None
 
@@ -118,7 +118,7 @@ class Loop:
 
 @dataclass(frozen=True, slots=True)
 class ToggleMark:
-    """Mark a moment, or take its mark away."""
+    """Mark a time, or remove its mark."""
 
     t_us: int
 
@@ -139,7 +139,7 @@ class SetCamera:
 
 @dataclass(frozen=True, slots=True)
 class SetWindow:
-    """Set how long Watch collects events for a picture."""
+    """Set the accumulation window of Watch."""
 
     window_us: int
 
@@ -233,7 +233,7 @@ class SetMethod:
 
 @dataclass(frozen=True, slots=True)
 class CompareMethod:
-    """Let a method take part in comparisons, or not."""
+    """Add a method to the comparisons, or remove it."""
 
     method: Method
     takes_part: bool
@@ -254,7 +254,7 @@ class SetSideBySide:
 
 @dataclass(frozen=True, slots=True)
 class StopAt:
-    """Go to a time and stay there."""
+    """Go to a time and pause there."""
 
     t_us: int
 
@@ -264,7 +264,7 @@ class StopAt:
 
 @dataclass(frozen=True, slots=True)
 class LookInto:
-    """Look at a moment of a camera in another mode, and stay there."""
+    """Show a moment of a camera in another mode, paused."""
 
     mode: ModeName
     camera: str
@@ -278,7 +278,7 @@ class LookInto:
 
 @dataclass(frozen=True, slots=True)
 class AskForScore:
-    """Let Tune score its config against an annotator's labels of a camera."""
+    """Request a score of Tune's config against an annotator's labels of a camera."""
 
     camera: str
     annotator: str
@@ -290,7 +290,7 @@ class AskForScore:
 
 @dataclass(frozen=True, slots=True)
 class BeginScore:
-    """What was asked for is begun."""
+    """The requested score has started."""
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
         return replace(state, score_by=None)
@@ -306,7 +306,7 @@ class ShowTruth:
 
 @dataclass(frozen=True, slots=True)
 class EditSetting:
-    """A slider of the detector moved.
+    """Change one setting of the detector.
 
     Raises:
         ConfigError: from `apply`, if the value does not go with the others; the state stays.
@@ -322,11 +322,11 @@ class EditSetting:
 
 @dataclass(frozen=True, slots=True)
 class UseConfig:
-    """Put a whole config (the default, a loaded file) into the slot that is being edited."""
+    """Replace the edited config (by the default or a loaded file)."""
 
     config: DetectorConfig
     method: Method | None = None
-    """What it is of, which becomes the chosen one; None for the one that is chosen."""
+    """Method of the config, which becomes the chosen one; None for the chosen one."""
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
         state = state if self.method is None else SetMethod(self.method).apply(state, wall_s)
@@ -335,7 +335,7 @@ class UseConfig:
 
 @dataclass(frozen=True, slots=True)
 class ResetConfig:
-    """Put the method's defaults into the slot that is being edited."""
+    """Reset the edited config to the method's defaults."""
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
         method = state.tune.method
@@ -345,10 +345,10 @@ class ResetConfig:
 
 @dataclass(frozen=True, slots=True)
 class UseBeside:
-    """Put a config that was found into B, and what it was found from into A, and show both on the same window."""
+    """Put a tuned config into B and its start config into A, and show both on the same window."""
 
     method: Method
-    """That both are of; it becomes the chosen one."""
+    """Method of both configs; it becomes the chosen one."""
     a: DetectorConfig
     b: DetectorConfig
 
@@ -359,7 +359,7 @@ class UseBeside:
 
 @dataclass(frozen=True, slots=True)
 class CopyToOther:
-    """Give the other slot the config that is being edited."""
+    """Copy the edited config to the other slot."""
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
         configs = Configs(state.config, state.config)
@@ -368,7 +368,7 @@ class CopyToOther:
 
 @dataclass(frozen=True, slots=True)
 class Undo:
-    """Take back the last change of the chosen method's configs."""
+    """Undo the last change of the chosen method's configs."""
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
         return state.with_history(state.history.undo())

@@ -1,4 +1,4 @@
-"""The time cursor of one browser: a pure value that knows where it is at any wall-clock time."""
+"""The time cursor of one browser: a pure value that gives its position at any wall-clock time."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ class Playhead:
     playing: bool = False
     speed: float = 0.05
     start_us: int = 0
-    """What is older is forgotten; above 0 in a live recording only."""
+    """Start of the available time; above 0 in a live recording only."""
     live: bool = False
-    """The recording grows: at its end the cursor goes on with it instead of stopping."""
+    """Whether the recording is live: at its end the cursor follows it instead of stopping."""
     following: bool = False
-    """The cursor is at the end of a live recording and stays there."""
+    """Whether the cursor follows the end of a live recording."""
     loop_us: tuple[int, int] | None = None
-    """Start and end of a section that is played again and again, once the cursor is in it."""
+    """Start and end of a section that is repeated once the cursor is in it."""
 
     def position_us(self, wall_s: float) -> int:
         """Position at a wall-clock time, in [start, duration]."""
@@ -38,11 +38,11 @@ class Playhead:
         return self._inside(self._looped(self.anchor_us + moved))
 
     def grown(self, start_us: int, duration_us: int) -> Playhead:
-        """The cursor in a live recording that has grown."""
+        """Cursor after a live recording has grown."""
         return replace(self, start_us=start_us, duration_us=duration_us)
 
     def seek(self, t_us: int, wall_s: float) -> Playhead:
-        """The cursor at another time; playing or paused as before."""
+        """Cursor at another time; playing or paused as before."""
         return replace(self, anchor_us=self._inside(t_us), anchor_wall_s=wall_s, following=False)
 
     def looping(self, section_us: tuple[int, int] | None, wall_s: float) -> Playhead:
@@ -67,11 +67,11 @@ class Playhead:
         return int(min(max(t_us, self.start_us), self.duration_us))
 
     def step(self, by_us: int, wall_s: float) -> Playhead:
-        """Paused, `by_us` further."""
+        """Cursor paused, `by_us` later."""
         return replace(self, playing=False).seek(self.position_us(wall_s) + by_us, wall_s)
 
     def play(self, wall_s: float) -> Playhead:
-        """Playing; from the start if it stood at the end, or on with a live recording unless in slow motion."""
+        """Cursor playing: from the start if it was at the end; a live recording is followed unless in slow motion."""
         if self.live and (self.speed >= 1 or self.position_us(wall_s) >= self.duration_us):
             return replace(self, playing=True, following=True)
         start_us = self.position_us(wall_s)
@@ -80,7 +80,7 @@ class Playhead:
         return replace(self.seek(start_us, wall_s), playing=True)
 
     def pause(self, wall_s: float) -> Playhead:
-        """Standing where it is."""
+        """Cursor paused at its position."""
         return replace(self.seek(self.position_us(wall_s), wall_s), playing=False)
 
     def at_speed(self, speed: float, wall_s: float) -> Playhead:
@@ -90,7 +90,7 @@ class Playhead:
         return replace(self.seek(self.position_us(wall_s), wall_s), speed=speed)
 
     def settle(self, wall_s: float) -> Playhead:
-        """Paused once it has run to the end; in a live recording it follows from there on."""
+        """Cursor after reaching the end: paused, or following a live recording."""
         if not self.playing or self.following or self.position_us(wall_s) < self.duration_us:
             return self
         return replace(self, following=True) if self.live else self.pause(wall_s)

@@ -1,4 +1,4 @@
-"""A detector config as the few settings in which it differs from another, and back: for links and what is kept."""
+"""A detector config as its differences from another, and back: for links and stored settings."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from core.errors import ConfigError
 
 
 def default_config(method: Method) -> DetectorConfig:
-    """What a method starts with in the app."""
+    """Default config of a method in the app."""
     return DetectorConfig() if method in STAGED else method_config(method)
 
 
 def differing_settings(config: DetectorConfig, base: DetectorConfig) -> dict[str, object]:
-    """Settings of `config` that are not as in `base`, by their dotted path; values as JSON has them."""
+    """Settings of `config` that differ from `base`, by their dotted path, as JSON values."""
     found: dict[str, object] = {}
     for spec in field_specs(DetectorConfig):
         value = get_setting(config, spec.path)

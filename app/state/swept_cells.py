@@ -1,4 +1,4 @@
-"""The guides of a first calibration: which parts of each picture a ball, or a board, has been in."""
+"""Coverage guides for calibration: parts of each picture that a ball, or a board, has been in."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from core.cameras.calibration.coverage import CELLS_ACROSS, CELLS_DOWN
 
 CELL_COUNT: Final = CELLS_ACROSS * CELLS_DOWN
 ENOUGH: Final = 2
-"""Pictures with the ball in a cell, so that one false circle does not count."""
+"""Pictures with the ball needed per cell, so that one false circle does not count."""
 
 
 PAIR_ENOUGH: Final = 30
@@ -24,14 +24,14 @@ class SweptCells:
     """Counts of each camera's cells, up to `enough`."""
 
     active: bool = False
-    """Whether they are counted and shown."""
+    """Whether cells are counted and shown."""
     counts: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     enough: int = ENOUGH
     shared: Mapping[tuple[str, str], int] = field(default_factory=dict)
     """Pictures in which two cameras saw the ball at once, by their names in ascending order, up to `PAIR_ENOUGH`."""
 
     def with_ball(self, camera: str, cell: int) -> SweptCells:
-        """The ball was in this cell of a camera's picture once more."""
+        """Copy with one more picture of the ball in this cell of a camera."""
         before = self.counts.get(camera, (0,) * CELL_COUNT)
         if not 0 <= cell < CELL_COUNT or before[cell] >= self.enough:
             return self
@@ -68,26 +68,26 @@ class SweptCells:
 
 
 FIRST_BOARD: Final = Board("chessboard", 6, 9, 0.03)
-"""Until another is chosen; where it has been does not depend on the spacing."""
+"""Default board; coverage does not depend on its spacing."""
 
 
 @dataclass(frozen=True, slots=True)
 class BoardGuide:
-    """The board that is looked for, and what it has covered."""
+    """The board to search for, and its coverage."""
 
     board: Board = FIRST_BOARD
     cells: SweptCells = field(default_factory=lambda: SweptCells(enough=1))
-    """Looked for and shown while they are active."""
+    """Coverage cells; the board is searched while they are active."""
     pictures: Mapping[str, int] = field(default_factory=dict)
-    """With the whole board in them, by camera."""
+    """Number of pictures with the whole board, by camera."""
 
     def with_board(self, camera: str, cells: Iterable[int]) -> BoardGuide:
-        """The board was found once more, with points in these cells of a camera's picture."""
+        """Copy with one more picture of the board, with points in these cells of a camera."""
         covered = self.cells
         for cell in cells:
             covered = covered.with_ball(camera, cell)
         return replace(self, cells=covered, pictures={**self.pictures, camera: self.pictures.get(camera, 0) + 1})
 
     def emptied(self) -> BoardGuide:
-        """A copy with nothing seen yet."""
+        """Copy with empty counts."""
         return BoardGuide(self.board, SweptCells(self.cells.active, enough=1))

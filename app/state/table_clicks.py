@@ -1,4 +1,4 @@
-"""The corners of the table that a person has clicked in the cameras' pictures, as one frozen value."""
+"""Clicked corners of the table in the cameras' pictures, as one frozen value."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class TableMark:
 
     @property
     def number(self) -> int:
-        """That stands beside it: the corner's, from 1."""
+        """Number of the corner, from 1, shown beside it."""
         return CORNER_NAMES.index(self.corner) + 1
 
 
@@ -30,13 +30,13 @@ class TableClicks:
     """All clicks in their order."""
 
     active: bool = False
-    """Whether a click on a picture is one."""
+    """Whether clicks on a picture mark corners."""
     corner: str = CORNER_NAMES[0]
-    """That the next click is of."""
+    """Corner that the next click marks."""
     marks: tuple[TableMark, ...] = ()
 
     def clicked(self, camera: str, u_px: float, v_px: float) -> TableClicks:
-        """With one more, or the same corner elsewhere; the next corner that this camera lacks is asked for."""
+        """Copy with a click added or moved; the camera's next missing corner is chosen."""
         others = tuple(one for one in self.marks if (one.camera, one.corner) != (camera, self.corner))
         marks = (*others, TableMark(camera, self.corner, u_px, v_px))
         there = {one.corner for one in marks if one.camera == camera}
@@ -46,7 +46,7 @@ class TableClicks:
         return replace(self, marks=marks, corner=corner)
 
     def undone(self) -> TableClicks:
-        """Without the last one, whose corner is asked for again."""
+        """Copy without the last click, whose corner is chosen again."""
         if not self.marks:
             return self
         return replace(self, marks=self.marks[:-1], corner=self.marks[-1].corner)

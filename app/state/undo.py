@@ -13,7 +13,7 @@ MERGE_WITHIN_S = 0.8
 
 @dataclass(frozen=True, slots=True)
 class History(Generic[V]):
-    """A present value with its past and its undone future."""
+    """A value with its undo and redo history."""
 
     present: V
     past: tuple[V, ...] = ()
@@ -22,7 +22,7 @@ class History(Generic[V]):
     last_wall_s: float = float("-inf")
 
     def change(self, value: V, *, topic: object, wall_s: float) -> History[V]:
-        """A new present; it joins the previous step when that had the same topic a moment ago."""
+        """History with a new value; merged with the previous step if that was recent and had the same topic."""
         if value == self.present:
             return self
         joins = topic is not None and topic == self.last_topic and wall_s - self.last_wall_s < MERGE_WITHIN_S
@@ -30,13 +30,13 @@ class History(Generic[V]):
         return History(value, past, (), topic, wall_s)
 
     def undo(self) -> History[V]:
-        """The present before the last step; itself if there is none."""
+        """History before the last step; unchanged if there is none."""
         if not self.past:
             return self
         return replace(self._at(self.past[-1]), past=self.past[:-1], future=(self.present, *self.future))
 
     def redo(self) -> History[V]:
-        """Takes an undo back; itself if there is none."""
+        """History after redoing; unchanged if there is nothing to redo."""
         if not self.future:
             return self
         return replace(self._at(self.future[0]), past=(*self.past, self.present), future=self.future[1:])

@@ -1,1 +1,1 @@
-"""The middle of the window: requests for pictures, the mosaic they are laid out on, the image view."""
+"""The middle of the window: picture requests, mosaics, and the image view."""

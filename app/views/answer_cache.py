@@ -1,4 +1,4 @@
-"""Answers of methods that look back, kept: each is some tens of windows' work."""
+"""Cache of answers of methods with memory: each takes tens of windows to compute."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class AnswerCache:
         self._lock = threading.Lock()
 
     def find(self, stream: CameraStream, method: Method, config: DetectorConfig, t_us: int) -> WindowAnswer:
-        """What `answer_window` gives, computed only if it is not known."""
+        """Cached result of `answer_window`."""
         key = (stream, method, config, t_us)
         with self._lock:
             if key in self._answers:
@@ -36,6 +36,6 @@ class AnswerCache:
         return answer
 
     def clear(self) -> None:
-        """Forget all: another recording is looked at."""
+        """Clear the cache: another recording was opened."""
         with self._lock:
             self._answers.clear()

@@ -1,4 +1,4 @@
-"""Small live pictures of the cameras: events of the last milliseconds, the circle that was found, the true one."""
+"""Small live pictures of the cameras: events of the last milliseconds, detected circle, true circle."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from app.views.stage_picture import draw_truth
 from core.recordings import Recording
 
 WIDTH_PX = 640
-"""A picture is binned until it is at most so wide."""
+"""Pictures are binned to at most this width."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,7 +25,7 @@ class CameraPicturesRequest:
     t_us: int
     look: RenderSettings
     circles: dict[str, tuple[float, float, float]]
-    """u, v, r of what was found, by camera."""
+    """u, v, r of the detected circle, px, by camera."""
     show_truth: bool
 
     @property

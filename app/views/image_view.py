@@ -1,4 +1,4 @@
-"""The sheet in the browser: image planes in front of a camera that looks straight at them."""
+"""The mosaic in the browser: image planes in front of a camera that faces them."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from app.web.pages import Json
 Point = tuple[float, float]
 DragPhase = Literal["start", "update", "end"]
 Drag = Callable[[DragPhase, Point, Point], None]
-"""Phase, where it began and where it is, in sheet pixels."""
+"""A drag: phase, start and current point, in pixels of the mosaic."""
 
 UNIT: Final = 0.01
-"""Scene units per sheet pixel."""
+"""Scene units per pixel of the mosaic."""
 FOV_RAD: Final = math.radians(10)
-"""Narrow, so that a flat sheet is seen almost as in a drawing; any would do, the map is exact."""
+"""Field of view of the camera: narrow, for almost no perspective; the mapping is exact for any."""
 BAR_PX: Final = 80
-"""Of the window's height that the time bar takes."""
+"""Height of the time bar, px."""
 PANEL_PX: Final = 150
-"""That the panel above it takes, with the room between."""
+"""Height of the panel above it, with the gap between."""
 USUAL_HEIGHT_PX: Final = 720
-"""Of a window that has not said its own."""
+"""Height assumed for a window that has not reported its own."""
 BLANK_PNG_PX: Final = np.zeros((1, 1, 3), np.uint8)
 
 
@@ -42,12 +42,12 @@ class ImageView:
         self._sheet = Mosaic((), 16, 9)
         self._visible = True
         self._framing = threading.Lock()
-        """The camera is moved by the loop, and by the browser's own news of its window: never by both at once."""
+        """Lock: the camera is moved by the loop and by the browser's window reports."""
         self._window_px = USUAL_HEIGHT_PX
         self.with_panel = True
-        """The sheet leaves room for a panel above the time bar; takes effect with the next sheet."""
+        """Whether the mosaic leaves space for a panel above the time bar; takes effect with the next mosaic."""
         self.tell: Callable[[str, Mapping[str, Json]], None] = lambda kind, message: None
-        """Lets the page know what words stand on the sheet, and where the sheet is in the window."""
+        """Sends the page the mosaic's texts and its place in the window."""
         self.on_drag: Drag | None = None
         """Called, in order, for each drag with the left button on a picture."""
 
@@ -65,23 +65,23 @@ class ImageView:
 
     @property
     def sheet(self) -> Mosaic:
-        """What is shown now."""
+        """The shown mosaic."""
         return self._sheet
 
     @property
     def panel_share(self) -> float:
-        """The part of the window's height that the sheet leaves free below itself."""
+        """Share of the window's height that is free below the mosaic."""
         return free_share(self._window_px, with_panel=self.with_panel)
 
     def window_resized(self, message: Mapping[str, object]) -> None:
-        """The page says how large its window is."""
+        """Handle the page's report of its window size."""
         height = message.get("height")
         if isinstance(height, int) and 100 <= height <= 20_000:
             self._window_px = height
             self.frame()
 
     def set_visible(self, visible: bool) -> None:
-        """Whether it is what the middle of the window shows; shown again, it is framed again."""
+        """Show or hide it in the middle of the window; the view is reset when it is shown."""
         if visible == self._visible:
             return
         with self._framing:
@@ -93,7 +93,7 @@ class ImageView:
         self.frame(again=True)
 
     def show(self, sheet: Mosaic) -> None:
-        """Replace what is shown; frames it anew when its shape changed."""
+        """Show another mosaic; the view is reset when its shape has changed."""
         self._sheet = sheet
         while len(self._images) < len(sheet.pictures):
             self._images.append(self._add_image(len(self._images)))
@@ -114,14 +114,14 @@ class ImageView:
         self.tell("texts", {"texts": [[one.x, one.y, one.text, one.colour, one.is_title] for one in texts]})
 
     def _tell_place(self) -> None:
-        """Where the middle of the window is on the sheet, and how much of the sheet it shows from top to bottom."""
+        """Send the window's centre on the mosaic, and the visible height of the mosaic."""
         if self._visible:
             x, y, z = self._client.camera.position.tolist()
             shown = 2 * abs(z) * math.tan(self._client.camera.fov / 2) / UNIT
             self.tell("place", {"x": x / UNIT, "y": y / UNIT, "height": shown})
 
     def frame(self, *, again: bool = False) -> None:
-        """Put the camera where the whole sheet fits above the lower panel; `again` also when nothing changed."""
+        """Move the camera so that the whole mosaic fits above the lower panel; `again`: even if nothing changed."""
         with self._framing:
             if self._visible:
                 self._frame(again)
@@ -158,12 +158,12 @@ class ImageView:
 
 
 def free_share(window_px: float, *, with_panel: bool) -> float:
-    """The part of a window of this height that is below the pictures; never more than half."""
+    """Share of a window of this height that is below the pictures; at most half."""
     return min(0.5, (BAR_PX + PANEL_PX * with_panel) / window_px)
 
 
 def framing(width: float, height: float, aspect: float, panel_share: float) -> tuple[float, float]:
-    """For a sheet (all in its pixels): the height that the window shows, and how far down its middle is."""
+    """Visible height and centre (downwards) of a mosaic in a window, in pixels of the mosaic."""
     width, height = width * 1.02, height * 1.02
     visible = max(height / (1 - panel_share), width / aspect)
     top_margin = (visible * (1 - panel_share) - height) / 2
@@ -171,7 +171,7 @@ def framing(width: float, height: float, aspect: float, panel_share: float) -> t
 
 
 def mosaic_point(ray_origin: np.ndarray, ray_direction: np.ndarray) -> tuple[float, float]:
-    """Where a ray (scene units) meets the sheet, in sheet pixels."""
+    """Point where a ray (scene units) meets the mosaic, in pixels of the mosaic."""
     hit = ray_origin - ray_origin[2] / ray_direction[2] * ray_direction
     return float(hit[0]) / UNIT, float(hit[1]) / UNIT
 

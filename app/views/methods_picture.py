@@ -1,4 +1,4 @@
-"""Several methods beside each other on the same window: a tile each, with its ball and how far off that is."""
+"""Several methods on the same window: a tile each, with its ball and its error."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from core.metrics.reference import PixelReference
 from core.recordings import CameraStream
 
 ZOOM: Final = 8.0
-"""Of a view that is not zoomed: the ball and its surroundings are compared, not the sensor."""
+"""Zoom of an unzoomed view: the ball and its surroundings are compared, not the whole sensor."""
 TILE_WIDTH_PX: Final = 800
 
 
@@ -39,11 +39,11 @@ class MethodsRequest:
     configs: tuple[tuple[Method, DetectorConfig], ...]
     answers: AnswerCache
     known: Callable[[], PixelReference | None]
-    """Gives what is known of the camera, truth or labels; it may have to be read."""
+    """Function that reads the camera's truth or labels."""
 
 
 def answer_methods(request: MethodsRequest) -> PictureAnswer:
-    """The tiles, and what each method found."""
+    """Tiles and the result of each method."""
     start_s = time.perf_counter()
     found = tuple(request.answers.find(request.stream, *config, request.t_us) for config in request.configs)
     sheet = render_methods(request, found, request.known())
@@ -53,7 +53,7 @@ def answer_methods(request: MethodsRequest) -> PictureAnswer:
 def render_methods(
     request: MethodsRequest, found: tuple[WindowAnswer, ...], reference: PixelReference | None
 ) -> Mosaic:
-    """All tiles show the same part of the sensor."""
+    """Draw the tiles; all show the same part of the sensor."""
     region = _region(request, found, reference)
     columns = columns_of(len(found)) if request.look.arrangement == "side by side" else 1
     canvases: list[Canvas] = []
@@ -69,12 +69,12 @@ def render_methods(
 
 
 def columns_of(tiles: int) -> int:
-    """How many tiles stand side by side: with as many rows they are largest in a window that is wider than high."""
+    """Number of columns with which the tiles are largest in a wide window."""
     return max(1, math.ceil(math.sqrt(tiles)))
 
 
 def verdict(answer: WindowAnswer, reference: PixelReference | None) -> str:
-    """What is said of an answer: its distance from the reference at its own time, as far as that is known."""
+    """Text of an answer's error: its distance from the reference at its own time, if known."""
     place = _place(reference, answer.valid_us)
     ball = answer.detection
     if ball is None:
@@ -82,12 +82,12 @@ def verdict(answer: WindowAnswer, reference: PixelReference | None) -> str:
     if place is not None:
         return f"{math.hypot(ball.u_px - place[0], ball.v_px - place[1]):.2f} px"
     if reference is not None and reference.at(np.array([ball.t_us]))[1][0]:
-        return "a ball where none is"
+        return "false ball"
     return "ball"
 
 
 def _place(reference: PixelReference | None, t_us: int) -> tuple[float, float] | None:
-    """Where the ball is, if that is known."""
+    """Position of the ball, if known."""
     if reference is None:
         return None
     there, _ = reference.at(np.array([t_us]))
@@ -101,7 +101,7 @@ def _draw_reference(canvas: Canvas, reference: PixelReference, t_us: int) -> Non
 
 
 def _region(request: MethodsRequest, found: tuple[WindowAnswer, ...], reference: PixelReference | None) -> Region:
-    """The chosen point of a zoomed view, else the ball that is known, else the first one found, else the middle."""
+    """Visible region around the chosen point, else the known ball, else the first detection, else the middle."""
     sensor, view = request.stream.sensor, request.view
     zoomed = view.zoom > 1.0
     balls = [(one.detection.u_px, one.detection.v_px) for one in found if one.detection is not None]

@@ -1,4 +1,4 @@
-"""What the middle of the window shows: encoded pictures laid out on one flat sheet, measured in picture pixels."""
+"""Content of the middle of the window: encoded pictures laid out as a mosaic, measured in picture pixels."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class MosaicTile:
 
     png: bytes
     region: Region
-    """What of the sensor it shows."""
+    """Part of the sensor that it shows."""
     x: int
     y: int
     width: int
@@ -43,16 +43,16 @@ class MosaicTile:
 
 @dataclass(frozen=True, slots=True)
 class SheetText:
-    """Words on the sheet."""
+    """Text on the mosaic."""
 
     x: float
     y: float
-    """Of their lower left corner, in sheet pixels."""
+    """Position of the lower left corner, in pixels of the mosaic."""
     text: str
     colour: str
-    """As CSS has it."""
+    """CSS colour."""
     is_title: bool
-    """Of a picture; others give way to it."""
+    """Whether it is a picture's title; other texts move away from it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ class Mosaic:
     height: int
     texts: tuple[SheetText, ...] = ()
     ball_cells: tuple[tuple[str, int], ...] = ()
-    """Camera and cell of its picture in which the ball was found, where that was looked for."""
+    """Cell of each camera's picture in which the ball was found, if it was searched."""
 
     def sensor_point(self, x: float, y: float) -> tuple[float, float] | None:
         """Sensor coordinates under a point of the sheet, None beside the pictures."""
@@ -85,7 +85,7 @@ def columns_of(pictures: int, arrangement: Arrangement) -> int:
 
 
 def lay_out_grid(canvases: Sequence[Canvas], colours: PolarityColours, columns: int) -> Mosaic:
-    """Encode drawn canvases and place so many beside each other, the next ones below."""
+    """Encode drawn canvases and place them in rows of this many."""
     pictures: list[MosaicTile] = []
     texts: list[SheetText] = []
     x = y = below = 0
@@ -106,5 +106,5 @@ def lay_out_grid(canvases: Sequence[Canvas], colours: PolarityColours, columns: 
 
 
 def css_colour(ink: int, colours: PolarityColours) -> str:
-    """A colour of the palette as pages have it."""
+    """CSS colour of a palette index."""
     return "#{:02x}{:02x}{:02x}".format(*palette(colours)[ink].tolist())

@@ -1,4 +1,4 @@
-"""From what a browser wants to see to the sheet it gets: frozen requests and the pure functions that answer them."""
+"""Frozen picture requests of a browser, and the pure functions that answer them with a mosaic."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ RADIUS_PX = 8
 OUTLINE = ("robot-left", "robot-right", "opponent-right", "opponent-left")
 NET = ("net-left", "post-left", "post-right", "net-right")
 EDGE_POINTS = 24
-"""Of each edge: a lens bends lines."""
+"""Points per edge of an outline: a lens bends lines."""
 
 
 def draw_table_clicks(canvas: Canvas, name: str, lens: Camera | None, clicks: TableClicks) -> None:
-    """Marks with the numbers of their corners; and, once they fix a pose, table and net as they then are."""
+    """Draw the clicked corners with their numbers and, once they determine a pose, table and net."""
     marks = [mark for mark in clicks.marks if mark.camera == name]
     if lens is not None and marks:
         try:
             pose = find_table_pose(name, lens, clicks_of(clicks.of(name)))
         except CalibrationError:
-            pass  # the panel says why there is none
+            pass  # the panel shows the reason
         else:
             for corners, closed in ((OUTLINE, True), (NET, False)):
                 points = pose.camera.project(_edges(corners, closed=closed))
@@ -70,32 +70,32 @@ def _edges(corners: tuple[str, ...], *, closed: bool) -> np.ndarray:
 WARM_UP_WINDOWS = 25
 """Windows run before the one that is shown, so that the region of interest and the polarity are those of a live run."""
 CELL_GAP_PX = 10
-"""Between the frames of cells that the ball has not been in."""
+"""Gap between the frames of uncovered cells."""
 BINNED_WIDTH_PX = 900
 """Sensors wider than this are binned two by two where several pictures share the window: single events stay visible."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WatchRequest:
-    """All cameras of a recording at one time."""
+    """Request for all cameras of a recording at one time."""
 
     recording: Recording
     t_us: int
     look: RenderSettings
     detector: SavedDetector
-    """The one whose circle is drawn."""
+    """Detector whose circle is drawn."""
     show_truth: bool
     large: str = ""
-    """The only camera that is shown; all of them if it is empty or unknown."""
+    """The only camera to show; all if empty or unknown."""
     table: TableClicks = field(default_factory=TableClicks)
-    """Corners of the table that were clicked."""
+    """Clicked corners of the table."""
     swept: SweptCells = field(default_factory=SweptCells)
-    """Where the ball has been."""
+    """Coverage of the ball."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TuneRequest:
-    """One window of one camera through one config or two of the method that `view` names."""
+    """Request for one window of one camera with one or two configs of the method in `view`."""
 
     stream: CameraStream
     t_us: int
@@ -104,25 +104,25 @@ class TuneRequest:
     configs: tuple[tuple[str, DetectorConfig], ...]
     """Name and config of each picture."""
     answers: AnswerCache
-    """Where the answers of methods without stages are kept."""
+    """Cache of answers of methods without stages."""
     last_px: tuple[float, float] | None = None
-    """Where the ball last was: a zoomed view stays there while a setting rejects it."""
+    """Last position of the ball: a zoomed view stays there while a setting rejects it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PictureAnswer:
-    """What to show, and how long it took to make."""
+    """The mosaic to show, and the time it took."""
 
     sheet: Mosaic
     traces: tuple[PipelineTrace, ...]
-    """Of Tune with a method that has stages, one for each config;"""
+    """Stages of Tune for a method that has them, one for each config;"""
     found: tuple[WindowAnswer, ...]
-    """with another method this instead."""
+    """results of a method without stages."""
     seconds: float
 
 
 def answer_request(request: WatchRequest | TuneRequest) -> PictureAnswer:
-    """The pictures of either request."""
+    """Answer a request."""
     start_s = time.perf_counter()
     if isinstance(request, WatchRequest):
         sheet, traces, found = render_watch(request), (), ()
@@ -134,7 +134,7 @@ def answer_request(request: WatchRequest | TuneRequest) -> PictureAnswer:
 
 
 def render_watch(request: WatchRequest) -> Mosaic:
-    """Every camera's events with the ball that the detector finds in them."""
+    """Draw every camera's events with the detected ball."""
     look = request.look
     cameras = request.recording.cameras
     if request.large in cameras:
@@ -174,7 +174,7 @@ def render_watch(request: WatchRequest) -> Mosaic:
 
 
 def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[PipelineTrace, ...]]:
-    """Traces of all stages of one window, one per config."""
+    """Draw all stages of one window, one picture per config."""
     view = request.view
     across = len(request.configs) if request.look.arrangement == "side by side" else 1
     canvases: list[Canvas] = []
@@ -196,7 +196,7 @@ def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[PipelineTrace, ...]
 
 
 def render_answers(request: TuneRequest) -> tuple[Mosaic, tuple[WindowAnswer, ...]]:
-    """Answers at one time of a method without stages, one per config, with the events of the window."""
+    """Draw the answers of a method without stages, one picture per config, with the window's events."""
     view = request.view
     across = len(request.configs) if request.look.arrangement == "side by side" else 1
     found = [request.answers.find(request.stream, view.method, config, request.t_us) for _, config in request.configs]
@@ -214,13 +214,13 @@ def render_answers(request: TuneRequest) -> tuple[Mosaic, tuple[WindowAnswer, ..
 
 
 def window_before(stream: CameraStream, t_us: int, window_us: int) -> Window:
-    """The window that ends at `t_us`; at the very start of a recording the first whole one."""
+    """Window that ends at `t_us`; at the start of a recording the first complete one."""
     end_us = max(t_us, window_us)
     return Window(stream.slice(end_us - window_us, end_us), end_us - window_us, end_us)
 
 
 def _detector_before(stream: CameraStream, t_us: int, config: DetectorConfig) -> FastDetector:
-    """A detector that has seen the windows that lead up to `t_us`."""
+    """Detector that has processed the windows before `t_us`."""
     window_us = config.window.window_us
     first_us = t_us - min(WARM_UP_WINDOWS, t_us // window_us) * window_us
     events = stream.slice(first_us, t_us)
@@ -231,7 +231,9 @@ def _detector_before(stream: CameraStream, t_us: int, config: DetectorConfig) ->
 
 
 def _region(request: TuneRequest, found: Detection | None, roi: Roi | None) -> Region:
-    """What a zoomed view shows: the chosen point, the ball, where it is sought, where it last was, or the middle."""
+    """Visible region around the chosen point, else the ball, the region of interest, its last position, or the
+    middle.
+    """
     sensor, view = request.stream.sensor, request.view
     if view.zoom <= 1.0:
         return Region.of_sensor(sensor)

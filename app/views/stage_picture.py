@@ -1,4 +1,4 @@
-"""What each stage of the detector saw, or what a method without stages answered, drawn over the window's events."""
+"""Drawing of each stage of the detector, or of an answer without stages, over the window's events."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from core.metrics.one_window import WindowAnswer
 from core.recordings import PixelTruth
 
 LABELLED_CANDIDATES = 12
-"""Figures are written beside the largest ones only; a person's picture can hold a hundred clusters."""
+"""Number of largest clusters with figures: the picture of a person may have a hundred clusters."""
 
 _AFTER_ALL = ("cluster", "polarity", "geometry", "localise")
 REJECTED_IN: Final[dict[Overlay, tuple[str, ...]]] = {
@@ -57,7 +57,7 @@ def draw_stages(canvas: Canvas, window: Window, trace: PipelineTrace, overlay: O
 
 
 def rejected_up_to(trace: PipelineTrace, overlay: Overlay) -> tuple[Candidate, ...]:
-    """The clusters that a view shows as rejected: by its stage or one before it; in the result if there is no ball."""
+    """Clusters that a view shows as rejected, by its stage or an earlier one; in the result if there is no ball."""
     stages = REJECTED_IN[overlay]
     if overlay == "result" and trace.detection is not None:
         stages = ()
@@ -65,7 +65,7 @@ def rejected_up_to(trace: PipelineTrace, overlay: Overlay) -> tuple[Candidate, .
 
 
 def draw_answer(canvas: Canvas, answer: WindowAnswer, rendering: Rendering, ink: int = PaletteIndex.CIRCLE) -> None:
-    """A window's events, the ball that a method found in it, and how it moves if the method says so."""
+    """Draw a window's events, the detected ball, and its velocity if the method gives one."""
     canvas.paint_pixels(event_picture(answer.window, rendering))
     ball = answer.detection
     if ball is None:
@@ -77,13 +77,13 @@ def draw_answer(canvas: Canvas, answer: WindowAnswer, rendering: Rendering, ink:
 
 
 def draw_detection(canvas: Canvas, detection: Detection, ink: int = PaletteIndex.CIRCLE) -> None:
-    """The circle of a ball that was found."""
-    thickness = 2 if canvas.scale >= 1 else 1  # a binned picture's ball is only a few pixels wide
+    """Draw the circle of a detected ball."""
+    thickness = 2 if canvas.scale >= 1 else 1  # in a binned picture a ball is only a few pixels wide
     canvas.draw_circle(detection.u_px, detection.v_px, detection.r_px, ink, thickness=thickness)
 
 
 def draw_truth(canvas: Canvas, truth: PixelTruth | None, t_us: int) -> None:
-    """The true outline at one time, if the recording knows it."""
+    """Draw the true outline at one time, if the recording has it."""
     if truth is not None:
         now = truth.at(t_us)
         if now.visible[0]:
@@ -130,7 +130,7 @@ def _outline(candidate: Candidate) -> NDArray[np.float64]:
 
 
 def _figures(candidate: Candidate, overlay: Overlay, lost: bool) -> str:
-    """What is written beside a cluster: why it is out, else what its stage measured."""
+    """Text beside a cluster: why it was rejected, else what its stage measured."""
     if lost:
         return f"{candidate.label}: {candidate.rejected}"
     if overlay not in ("clusters", "geometry"):

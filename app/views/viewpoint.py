@@ -1,4 +1,4 @@
-"""Where a browser's camera stands, and how it is put there."""
+"""Position of a browser's camera, and how it is set."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import viser
 
 FOV_RAD: Final = math.radians(40)
 ELSEWHERE: Final = 0.01
-"""A difference that viser does not take for equality."""
+"""Offset that viser does not treat as equal."""
 
 
 @dataclass(frozen=True, slots=True)
 class Viewpoint:
-    """In the units of its scene; those of the 3D scene are metres of the world frame."""
+    """A viewpoint in units of its scene; in the 3D scene metres of the world frame."""
 
     position: tuple[float, float, float]
     look_at: tuple[float, float, float]
@@ -36,6 +36,6 @@ def look(client: viser.ClientHandle, viewpoint: Viewpoint, *, near: float = 0.05
             camera.fov = viewpoint.fov_rad + off
             camera.up_direction = np.array(viewpoint.up) * (1 + off)
             camera.near, camera.far = near * (1 + off), far * (1 + off)
-            camera.position = np.array(viewpoint.position) + off  # before look_at: it takes the look-at point along
+            camera.position = np.array(viewpoint.position) + off  # before look_at: setting it moves the look-at point
             camera.look_at = np.array(viewpoint.look_at) + off
     client.flush()

@@ -1,4 +1,4 @@
-"""The front door of the app: who may come in, and the page that they get, which is viser's with a script of ours."""
+"""The app's web side: access policy, and viser's page with a script of ours."""
 
 from app.web.access_policy import Admission, make_token
 from app.web.gateway import Gateway, open_gateway

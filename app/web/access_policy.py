@@ -1,4 +1,4 @@
-"""Who may come in: the rules for a request's Host and Origin, and for the token. Pure; knows no server.
+"""Access policy: rules for a request's Host, Origin and token. Pure; knows no server.
 
 Any page that is open in a browser may send requests to this machine's ports, and a name that an attacker owns may
 point to 127.0.0.1 (DNS rebinding). So a request must name this machine as its Host, and where it says which page it
@@ -28,15 +28,15 @@ Verdict = Literal["come in", "wrong host", "wrong origin", "needs token"]
 
 @dataclass(frozen=True, slots=True)
 class RequestOrigin:
-    """What a request says of itself. Each is None where the request does not say it, or says it twice."""
+    """Headers of a request; each is None if it is missing or given twice."""
 
     host: str | None
     origin: str | None
     has_origin: bool
     cookie: str | None
-    """Of ours: what the door gave when it saw the token."""
+    """Our cookie, set by the gateway when it saw the token."""
     token: str | None
-    """In the link, or in the Authorization header."""
+    """Token from the link, or from the Authorization header."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,9 +44,9 @@ class Admission:
     """The rules of one server."""
 
     local: bool = True
-    """It listens on this machine only."""
+    """Whether the app listens on this machine only."""
     token: str | None = None
-    """Without it nobody comes in; None where none is needed."""
+    """Required token; None if none is needed."""
 
     def __post_init__(self) -> None:
         if not self.local and self.token is None:
@@ -70,7 +70,7 @@ class Admission:
         return cls(local, make_token() if token is None and not local else token)
 
     def judge(self, caller: RequestOrigin) -> Verdict:
-        """Whether a request may come in, and if not, why."""
+        """Whether a request is admitted, and if not, why."""
         allowed = _LOCAL if self.local else _HOST
         if caller.host is None or not allowed.fullmatch(caller.host):
             return "wrong host"
@@ -81,12 +81,12 @@ class Admission:
         return "come in"
 
     def is_token(self, text: str | None) -> bool:
-        """Whether this is the token; takes as long for a nearly right one."""
+        """Whether this is the token, compared in constant time."""
         return self.token is not None and text is not None and _equal(text, self.token)
 
     @property
     def cookie(self) -> str:
-        """What the browser keeps instead of the token."""
+        """Cookie that the browser keeps instead of the token."""
         assert self.token is not None
         return hmac.new(self.token.encode(), b"rallyscope cookie", hashlib.sha256).hexdigest()
 
@@ -95,7 +95,7 @@ class Admission:
 
 
 def make_token() -> str:
-    """A token that nobody guesses: 192 random bits."""
+    """New random token of 192 bits."""
     return secrets.token_urlsafe(24)
 
 

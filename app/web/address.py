@@ -1,4 +1,4 @@
-"""Whether the app can listen where it is told to."""
+"""Check of the address that the app is to listen on."""
 
 from __future__ import annotations
 
@@ -22,6 +22,6 @@ def check_address(host: str, port: int) -> None:
 
 
 def port_taken(host: str, port: int, reason: str) -> CommandError:
-    """The one line for an address that cannot be listened on."""
+    """Error message for an address that cannot be listened on."""
     remedy = "it may run there already: open it in a browser, or choose another with --port or --host"
     return CommandError(f"cannot listen on {host}:{port}", got=reason, remedy=remedy)

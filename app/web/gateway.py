@@ -1,4 +1,4 @@
-"""The door before viser: it starts viser's server, and no request reaches it unjudged.
+"""The gateway before viser: it starts viser's server, and checks every request.
 
 viser 1.1.1 checks neither Host nor Origin, knows no token, and leaves no room for a check. A proxy before it would
 leave its own port open to every page in the browser, so the check is put where viser starts its websocket server:
@@ -57,7 +57,7 @@ SCRIPTS: Final = (
     "tour.js",
     "names.js",
 )
-"""In the order in which they run; each adds to the object `rallyscope`."""
+"""Scripts in the order in which they run; each adds to the object `rallyscope`."""
 
 
 @functools.cache
@@ -121,7 +121,7 @@ class Gateway:
     def __init__(self, host: str, port: int, admission: Admission) -> None:
         """Starts to listen at once; the port has been checked to be free."""
         self.pages = Pages()
-        """For messages beside viser's."""
+        """Messages beside viser's."""
         self._admission = admission
         self._visits: dict[int, PageConnection] = {}
         self._visiting: ContextVar[PageConnection] = ContextVar("visit")
@@ -227,7 +227,7 @@ def open_gateway(host: str, port: int, admission: Admission | None = None) -> Ga
     front = Gateway(host, port, admission or Admission.of_address(host, None))
     if port not in (0, front.server.get_port()):  # another was quicker
         front.server.stop()
-        raise port_taken(host, port, "it was taken just now")
+        raise port_taken(host, port, "it was just taken")
     apply_theme(front.server)  # before a page comes: it would show a light page, and draw viser's sky
     return front
 
@@ -287,7 +287,7 @@ def _refuse(status: http.HTTPStatus, verdict: str) -> Response:
         "wrong origin": "Only its own page may connect.",
         "needs token": "Open the link with the token that the server printed when it started, or type the token.",
     }
-    title = "Rallyscope does not answer here" if status == http.HTTPStatus.FORBIDDEN else "Rallyscope wants its token"
+    title = "Address not allowed" if status == http.HTTPStatus.FORBIDDEN else "Token required"
     body = refusal_html(title, texts[verdict], form=verdict == "needs token")
     return _response(status, body, "text/html; charset=utf-8")
 

@@ -28,9 +28,9 @@ class PageConnection:
     """What a browser said when its page connected. None of it is trusted: names to look things up by."""
 
     page: str = ""
-    """Of this load of the page; "" where it has no script of ours."""
+    """Identifier of this load of the page; "" where it has no script of ours."""
     browser: str = ""
-    """Of the browser, from its cookie; "" for a client that keeps none."""
+    """Identifier of the browser, from its cookie; "" for a client that keeps none."""
     link: str = ""
     """What stood behind the # of its address."""
 

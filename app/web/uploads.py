@@ -59,7 +59,7 @@ class Uploads:
             self._takers[page] = take
 
     def close(self, page: str) -> None:
-        """The page is gone."""
+        """The page was closed."""
         with self._lock:
             self._takers.pop(page, None)
 
@@ -80,7 +80,7 @@ class Uploads:
         except RefusedUpload as refused:
             await _say(connection, refused=str(refused))
         except TimeoutError:
-            await _say(connection, refused="It did not arrive in time; send it again.")
+            await _say(connection, refused="The upload timed out; send the file again.")
         except OSError as error:
             logger.warning("a file that a browser sent could not be written: %s", error)
             await _say(connection, refused="The server could not write it to its disk.")
@@ -106,16 +106,16 @@ class Uploads:
                 while got_bytes < size_bytes:
                     piece = await self._next(connection)
                     if isinstance(piece, str) or not piece:
-                        raise RefusedUpload("It was not sent as it should be; load the page again.")
+                        raise RefusedUpload("The upload was invalid; reload the page.")
                     got_bytes += len(piece)
                     if got_bytes > size_bytes:
-                        raise RefusedUpload("More came than was said; it may have changed meanwhile.")
+                        raise RefusedUpload("More data came than announced; the file may have changed meanwhile.")
                     await asyncio.to_thread(file.write, piece)
                     await _say(connection, got=got_bytes)
             with self._lock:
                 take = self._takers.get(page)
             if take is None:
-                raise RefusedUpload("The page is gone.")
+                raise RefusedUpload("The page was closed.")
             take(path)
         except BaseException:
             end_unfinished(folder)
@@ -127,12 +127,12 @@ class Uploads:
     def _announced(self, text: str | bytes) -> tuple[str, int]:
         """Name and size of the file that is to come."""
         try:
-            said = parse_json(text) if isinstance(text, str) else None
+            request = parse_json(text) if isinstance(text, str) else None
         except (ValueError, RecursionError):
-            said = None
-        name, size = (said.get("name"), said.get("size")) if isinstance(said, dict) else (None, None)
+            request = None
+        name, size = (request.get("name"), request.get("size")) if isinstance(request, dict) else (None, None)
         if not isinstance(name, str) or not isinstance(size, int) or isinstance(size, bool) or size < 0:
-            raise RefusedUpload("It was not sent as it should be; load the page again.")
+            raise RefusedUpload("The upload was invalid; reload the page.")
         if size == 0:
             raise RefusedUpload("The file is empty.")
         if size > self._most_bytes:

@@ -32,7 +32,7 @@ class BallSwing:
     phases_rad: tuple[float, float, float] = (0.0, 0.4, 1.1)
 
     @property
-    def kinks_s(self) -> Array:
+    def discontinuities_s(self) -> Array:
         """It is there from the start to the end."""
         return np.array([0.0, self.end_s])
 
@@ -47,7 +47,7 @@ class BallSwing:
         p[~present], v[~present] = np.nan, np.nan
         return BallStates(t, p, v, np.zeros_like(p), present)
 
-    def portals(self, t_s: ArrayLike) -> VisibleRange:
+    def visible_range(self, t_s: ArrayLike) -> VisibleRange:
         """Nothing ever hides the swept ball."""
         count = len(np.atleast_1d(np.asarray(t_s)))
         return VisibleRange(np.zeros((count, 3)), np.full(count, -np.inf))

@@ -82,7 +82,7 @@ def make_serves(count: int, rng: np.random.Generator, *, frame_us: int = FRAME_U
     cameras = stereo_preset("side")
     times = np.arange(0, round(path.end_s * 1e6), frame_us)
     truth = {name: pixel_truth(camera, path, times) for name, camera in cameras.items()}
-    return TrialServes(path, cameras, truth, tuple(np.round(path.kinks_s * 1e6).astype(int).tolist()))
+    return TrialServes(path, cameras, truth, tuple(np.round(path.discontinuities_s * 1e6).astype(int).tolist()))
 
 
 def made_up_labels(truth: PixelTruth, rng: np.random.Generator, sigma_px: float = HUMAN_SIGMA_PX) -> LabelArrays:

@@ -44,7 +44,7 @@ class _Throw:
     end_s: float = CLIP_US * 1e-6
 
     @property
-    def kinks_s(self) -> NDArray[np.float64]:
+    def discontinuities_s(self) -> NDArray[np.float64]:
         return np.empty(0)
 
     def at(self, t_s: ArrayLike) -> BallStates:
@@ -54,7 +54,7 @@ class _Throw:
         p = self.middle + self.velocity * since + 0.5 * drop * since**2
         return BallStates(t, p, self.velocity + drop * since, np.zeros((len(t), 3)), np.ones(len(t), np.bool_))
 
-    def portals(self, t_s: ArrayLike) -> VisibleRange:
+    def visible_range(self, t_s: ArrayLike) -> VisibleRange:
         count = len(np.atleast_1d(np.asarray(t_s)))
         return VisibleRange(np.zeros((count, 3)), np.full(count, -np.inf))
 

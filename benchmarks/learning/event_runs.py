@@ -95,7 +95,7 @@ def play_seed(training: PlayedTraining, folder: Path, seed: int) -> bool:
         create_run(run, config)
     world_backend = replace(config.environment, state_source="events")
     with contextlib.closing(
-        EventCameraBackend(world_backend, seed=seed, config=EventEnvironmentConfig(told=training.told))
+        EventCameraBackend(world_backend, seed=seed, config=EventEnvironmentConfig(knows_physics=training.told))
     ) as seen:
         run_training(run, backend=seen if training.trains_there else None)
         balls = evaluation_balls(SPEED_MPS, training.balls, world_backend)

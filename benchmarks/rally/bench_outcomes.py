@@ -253,7 +253,7 @@ class _SimulatedOutcome:
 def _measure_chunk(physics: Profile, first: int, *, idle: bool) -> list[ComparedBall]:
     environment = dataclasses.replace(environment_profile(physics, state_source="events"), outcomes="events")
     rng, told = np.random.default_rng([SEED, 0, first]), _SimulatedOutcome()
-    world_backend: EnvironmentBackend = SimulatedBackend(environment.task, seed=SEED + first, told=told)
+    world_backend: EnvironmentBackend = SimulatedBackend(environment.task, seed=SEED + first, on_block=told)
     world_backend = IdleRacketBackend(world_backend) if idle else world_backend
     backend = PerceivedBackend(environment, world_backend)
     try:

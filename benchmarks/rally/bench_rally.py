@@ -33,7 +33,7 @@ from core.chain.follow import true_positions
 from core.events import SensorSize
 from core.files import replace_file
 from core.live.worlds.closed_loop import ClosedLoop, PlayedBall
-from core.live.worlds.simulated_returns import ReturnOutcome, SimulatedReturnsConfig, play_known_balls
+from core.live.worlds.simulated_returns import ReturnOutcome, SimulatedReturnsConfig, play_recorded_states
 from core.live.worlds.world import Block, WorldConfig
 from core.physics.config import Profile
 from core.physics.episode import Case
@@ -45,7 +45,7 @@ from core.simulation.episodes import draw_serves
 def measure_known_balls(task: TaskConfig, speed_mps: float, balls: int, seed: int) -> dict[str, object]:
     """A row of the rally's bench for `balls` drawn serves; a ball without a stroke that could return it is missed."""
     serves = draw_serves(speed_mps, balls, task, np.random.default_rng([seed, round(1000 * speed_mps)]))
-    found = play_known_balls(serves, SimulatedReturnsConfig(task=task))
+    found = play_recorded_states(serves, SimulatedReturnsConfig(task=task))
     errors_mm = 1e3 * found.error_m[np.isfinite(found.error_m)]
     median, high = np.percentile(errors_mm, (50, 95)).tolist() if len(errors_mm) else (None, None)
     counts = {
@@ -178,7 +178,7 @@ def measure_rally(
         chain=chain,
         controller=controller,
         window_us=WINDOW_US,
-        told=True,
+        knows_physics=True,
     )
     watched, played = [], []
     began_s = time.perf_counter()

@@ -68,7 +68,7 @@ def play_session(session: CellSession, control: TaskControl | None = None) -> Pl
         cameras,
         seed=int(np.random.SeedSequence(seed).generate_state(1)[0]),
         controller=_controller(cell, task, lead_ms),
-        told=bool(cell.told),
+        knows_physics=bool(cell.told),
         believed=believed,
         between=wires,
     )

@@ -178,7 +178,7 @@ COLUMNS: Final = (
     "MB", "seed",
 )  # fmt: skip
 FORMATS: Final = ("", "", "", "", "", ".2f", ",", ",", ",", ",", ",", ",", ".1f", "d")
-"""Of the card's second table."""
+"""Number formats of the card's second table."""
 
 
 def make_card(manifest: Mapping[str, object]) -> str:

@@ -42,7 +42,7 @@ class RecordingFacts:
     name: str
     uuid: str
     sha256: str
-    """Of the file's bytes, as it was made."""
+    """SHA-256 of the file's bytes when it was made."""
     duration_us: int
     bytes: int
     cameras: dict[str, CameraFacts]

@@ -16,7 +16,7 @@ from core.files import replace_file
 INDEX: Final = "index.parquet"
 CAMERA: Final = ("events", "centres", "frames", "frames_with_ball", "delayed", "dropped")
 SUMS: Final = ("events", "centres", "frames", "frames_with_ball")
-"""Of all cameras, as columns of their own."""
+"""Columns that hold the sum over all cameras."""
 SCHEMA: Final = pa.schema(
     [
         ("file", pa.string()),

@@ -44,7 +44,7 @@ QUIET_US: Final = 150_000
 LONGEST_BALL_S: Final = 5.0
 """No ball takes longer from the serve to its outcome."""
 USUAL_BALL_S: Final = 1.6
-"""For the progress."""
+"""Usual duration of a ball, s, for the progress bar."""
 KEPT_BLOCKS: Final = 8
 """More than the longest exposure of a picture."""
 
@@ -195,9 +195,9 @@ class RecentBlocks:
         return self._blocks[-1].end_us * 1e-6
 
     @property
-    def kinks_s(self) -> Array:
+    def discontinuities_s(self) -> Array:
         """Ascending."""
-        return np.concatenate([block.path.kinks_s for block in self._blocks])
+        return np.concatenate([block.path.discontinuities_s for block in self._blocks])
 
     def at(self, t_s: ArrayLike) -> BallStates:
         """The ball at times (N,) in the kept blocks."""
@@ -210,13 +210,13 @@ class RecentBlocks:
             present[inside] = states.present
         return BallStates(t, p, v, spin, present)
 
-    def portals(self, t_s: ArrayLike) -> VisibleRange:
+    def visible_range(self, t_s: ArrayLike) -> VisibleRange:
         """What hides the ball at times (N,)."""
         t = np.atleast_1d(np.asarray(t_s, np.float64))
         normal, offset = np.zeros((len(t), 3)), np.full(len(t), -np.inf)
         for block, inside in _by_block(self._blocks, t):
-            portals = block.path.portals(t[inside])
-            normal[inside], offset[inside] = portals.normal_world, portals.offset_m
+            visible_range = block.path.visible_range(t[inside])
+            normal[inside], offset[inside] = visible_range.normal_world, visible_range.offset_m
         return VisibleRange(normal, offset)
 
 

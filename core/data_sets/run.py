@@ -20,7 +20,7 @@ from core.jobs import ALONE, HERE, JobBackend, TaskControl, open_jobs
 
 LOCK: Final = ".data-set.lock"
 CARD_SHARE: Final = 0.05
-"""Of the time may go into the card: that of thousands of recordings is not written anew after each of them."""
+"""Share of the time that may go into the card: with thousands of recordings it is not written after each."""
 Progress = Callable[[float], None]
 
 
@@ -55,7 +55,7 @@ def run_data_set(
         ConfigError: if a serve is impossible.
         JobsError: if a cluster cannot be used, or the workers of a recording keep dying.
     """
-    with _locked(folder), _told_in_one_line(folder):
+    with _locked(folder), _errors_in_one_line(folder):
         remove_partials(folder)
         facts: dict[str, RecordingFacts] = {}
         digests = _known_digests(folder)
@@ -120,7 +120,7 @@ def _name(planned: PlannedRecording) -> str:
 
 
 @contextmanager
-def _told_in_one_line(folder: Path) -> Iterator[None]:
+def _errors_in_one_line(folder: Path) -> Iterator[None]:
     """A disk that refuses something, here or in a worker, is no bug."""
     try:
         yield

@@ -40,15 +40,15 @@ class DetectorConfig:
     geometry: GeometryConfig = field(default_factory=GeometryConfig)
     localise: LocaliseConfig = field(default_factory=LocaliseConfig)
     refined: RefinedConfig = field(default_factory=RefinedConfig)
-    """Of the method `refined`, which has nothing else of these but the window."""
+    """Settings of the method `refined`, which uses only these and the window."""
     ebpp: EbppConfig = field(default_factory=EbppConfig)
-    """Of the rival `ebpp`, likewise."""
+    """Settings of the method `ebpp`, which uses only these and the window."""
     fe_fusion: FeFusionConfig = field(default_factory=FeFusionConfig)
-    """Of the rival `fe-fusion`, likewise."""
+    """Settings of the method `fe-fusion`, which uses only these and the window."""
     registered: Sections = open_sections(
         DETECTORS.view(lambda one: one.config or object, where=lambda one: one.config is not None, key=section_name)
     )
-    """Of each other method that is registered, likewise: a section of its name."""
+    """Settings of each other registered method: a section of its name."""
 
     def __post_init__(self) -> None:
         normal_sections(self)
@@ -60,17 +60,17 @@ def auto_config() -> DetectorConfig:
 
 
 def refined_config() -> DetectorConfig:
-    """The settings of `refined`: it looks every millisecond, however far back it then looks."""
+    """The settings of `refined`: a window of 1 ms, however long its history is."""
     return DetectorConfig(window=WindowConfig(window_us=REFINED_WINDOW_US))
 
 
 def ebpp_config() -> DetectorConfig:
-    """The settings of the rival `ebpp`, tuned with windows of this length."""
+    """The settings of `ebpp`, tuned with windows of this length."""
     return DetectorConfig(window=WindowConfig(window_us=EBPP_WINDOW_US))
 
 
 def fe_fusion_config() -> DetectorConfig:
-    """The settings of the rival `fe-fusion`, tuned with windows of this length."""
+    """The settings of `fe-fusion`, tuned with windows of this length."""
     return DetectorConfig(window=WindowConfig(window_us=FE_FUSION_WINDOW_US))
 
 

@@ -1,4 +1,4 @@
-"""What a detector is and what it answers: the one interface of ours and of every rival."""
+"""Interface of all detectors, and their result."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Detection:
 
     @property
     def centre_covariance_px2(self) -> NDArray[np.float64] | None:
-        """(2, 2) of u and v; None for a method that does not say how sure it is."""
+        """(2, 2) covariance of u and v, px^2; None for a method without an uncertainty."""
         return None
 
 
@@ -32,7 +32,7 @@ class Detector(Protocol):
 
     @property
     def extra_circles(self) -> int:
-        """Circles of the last window that passed every test beside the answer; 0 for methods that know only one."""
+        """Circles of the last window that passed every test besides the answer; 0 for methods with only one."""
         ...
 
     def reset(self) -> None:

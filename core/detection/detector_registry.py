@@ -1,4 +1,4 @@
-"""The detectors that look at events, ours and those of plugins: what each is, and where it gets its settings from."""
+"""Registry of the event-based detectors, ours and those of plugins, with their settings."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ class DetectionMethod:
     make: Callable[[Any, SensorSize], Detector]
     """Takes the method's own section of the config, or all of it if `config` is None."""
     config: type | None
-    """Of the own section; None for the staged pipeline, which takes all stages."""
+    """Config class of the method's own section; None for the staged pipeline, which takes all stages."""
     label: str
-    """What it is, in a line: for help and hints."""
+    """One line about it, for help and hints."""
     colour: Rgb
-    """Of its circles and curves, where methods are beside each other."""
+    """Colour of its circles and curves where methods are compared."""
     window_us: int
     """Length of its windows, unless a config says otherwise."""
     usual: tuple[str, ...]
-    """The thresholds that automatic tuning searches for unless told otherwise; empty: all of its section."""
+    """Thresholds that automatic tuning searches by default; empty: all of its section."""
     stages: tuple[str, ...]
     """Sections of the staged pipeline that it takes; empty for every other method."""
     decide: Callable[[Any], Any]
-    """The whole config with what the method decides itself."""
+    """Complete a config with the values that the method fixes itself."""
 
     @property
     def section(self) -> str:

@@ -1,4 +1,4 @@
-"""Settings of the rival EBPP."""
+"""Settings of EBPP."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class EbppConfig:
     kernel_px: int = setting(5, 3, 21, step=2)
     """Side of the square round an event in which the surface decays, odd."""
     decay: float = setting(0.3, 0.01, 0.99, step=0.01)
-    """What so many events in a row as the kernel is wide leave of a pixel (robotology/event-driven: 0.3)."""
+    """Share of a pixel's value left after as many events as the kernel is wide (robotology/event-driven: 0.3)."""
     support_us: int = setting(1000, 0, 50_000, step=500)
     """An event counts only if one of its eight neighbours had one so long before it, at most; 0 counts all, and recall
     falls from 1.00 to 0.90 at 5 noise events a second and pixel."""
@@ -30,19 +30,19 @@ class EbppConfig:
     """Upper threshold of the Canny edges that vote (OpenCV's param1), the lower one is half of it. Lone pixels of noise
     stay below 300 once they are blurred; at 200 they vote, and precision falls from 0.99 to 0.93."""
     votes_full: float = setting(20.0, 2.0, 100.0, step=0.5)
-    """Of a circle on the whole sensor, at least (OpenCV's param2)."""
+    """Fewest votes for a circle on the whole sensor (OpenCV's param2)."""
     votes_roi: float = setting(8.0, 2.0, 100.0, step=0.5)
-    """Of a circle in the region of interest, at least."""
+    """Fewest votes for a circle in the region of interest."""
     radius_min_px: int = setting(6, 1, 100)
-    """Smaller circles are not looked for."""
+    """Smallest radius of a circle."""
     radius_max_px: int = setting(20, 3, 300)
-    """Nor are larger ones."""
+    """Largest radius of a circle."""
     roi_expand_px: float = setting(30.0, 5.0, 400.0, step=1.0)
-    """Half the side of the square around the last centre, in which the ball is looked for."""
+    """Half the side of the search square around the last centre."""
     misses_to_reset: int = setting(3, 1, 50)
     """Windows in a row without a circle before the whole sensor is searched again."""
     delay_us: int = setting(250, 0, 5000, step=10)
-    """Of the sensor: the surface shows the ball as it was so long before the end of the window."""
+    """Delay of the sensor: the surface shows the ball this long before the end of the window."""
 
     def __post_init__(self) -> None:
         check_settings(self)

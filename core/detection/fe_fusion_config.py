@@ -1,4 +1,4 @@
-"""Settings of the rival F-E Fusion."""
+"""Settings of F-E Fusion."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ class FeFusionConfig:
     """Events of the smallest cluster that can be the ball. With 100 parts of a person pass; with 160 slow balls are
     lost."""
     radius_min_px: float = setting(4.0, 0.5, 100.0, step=0.5)
-    """Mean distance of the ball's events from their centroid, at least."""
+    """Smallest mean distance of the ball's events from their centroid."""
     radius_max_px: float = setting(20.0, 1.0, 300.0, step=0.5)
-    """And at most."""
+    """Largest radius of a ball."""
     elongation_max: float = setting(1.7, 1.0, 10.0, step=0.1)
-    """Longer side of the ball's upright bounding box over the shorter one, at most."""
+    """Largest ratio of the sides of the ball's upright bounding box."""
     roi_expand_px: float = setting(30.0, 5.0, 400.0, step=1.0)
     """Half the side of the square around the last centre, outside which events do not count."""
     misses_to_reset: int = setting(3, 1, 50)
     """Windows in a row without such a cluster before the whole sensor is searched again."""
     delay_us: int = setting(150, 0, 5000, step=10)
-    """Of the sensor: an estimate holds for so long before the middle of its window."""
+    """Delay of the sensor: an estimate is valid this long before the middle of its window."""
 
     def __post_init__(self) -> None:
         check_settings(self)

@@ -31,15 +31,15 @@ from core.events import SensorSize
 Method = str
 """The name of a detector in `METHODS`."""
 METHODS: Final[Mapping[Method, str]] = DETECTORS.view(lambda one: one.label)
-"""Those that work, with what they are."""
+"""Registered methods with their descriptions."""
 DEFAULT_METHOD: Final[Method] = "refined"
-"""Where nothing names a method."""
+"""Method used where none is named."""
 UNNAMED_METHOD: Final[Method] = "auto"
-"""Of files, links and browsers' settings that name none: they were written when this was the default."""
+"""Method of files, links and browser settings that name none: this was the default when they were written."""
 SECTIONS: Final[Mapping[Method, tuple[str, ...]]] = DETECTORS.view(lambda one: one.sections)
 """The sections of `DetectorConfig` that each takes its settings from."""
 FRAME_METHODS: Final[dict[str, str]] = {"yolo": "a rival: YOLOv4-tiny on the pictures of a colour camera"}
-"""Those that look at pictures, with what they are. Whoever wants one makes it: its network needs torch."""
+"""Methods that look at pictures, with their descriptions. The caller makes them, as their network needs torch."""
 
 
 def register_detector(
@@ -141,11 +141,11 @@ register_detector(
 )  # fmt: skip
 DETECTORS.mark_built_in()
 STAGED: Final = frozenset(name for name, one in DETECTORS.registered().items() if one.stages)
-"""Those whose stages the readable pipeline shows."""
+"""Methods whose stages the readable pipeline shows."""
 
 
 def method_named(name: str) -> Method:
-    """The method of that name.
+    """Method of this name.
 
     Raises:
         CommandError: for any other name, those of methods that look at pictures among them.
@@ -182,5 +182,5 @@ def make_detector(method: str, sensor: SensorSize, config: DetectorConfig | None
 
 
 def states_of(detectors: Mapping[str, Detector]) -> dict[str, TrackState]:
-    """What the detectors with stages remember, by camera: with it the readable pipeline shows the next window's."""
+    """State of the detectors with stages, by camera, from which the readable pipeline can show the next window."""
     return {name: one.state for name, one in detectors.items() if isinstance(one, FastDetector)}

@@ -1,4 +1,4 @@
-"""The readable detector: one window through all stages, with everything kept for the eye. The fast path must agree."""
+"""The readable detector: one window through all stages, with every intermediate result. The fast path must agree."""
 
 from __future__ import annotations
 
@@ -99,13 +99,13 @@ def trace_window(
 
 
 SAME_CIRCULARITY: Final = 1e-9
-"""Rounding errors do not choose between two equally round clusters: the first one is taken."""
+"""Difference below which two clusters are equally round; the first one is then taken."""
 
 _CANDIDATE_STAGES = ("cluster", "polarity", "geometry", "localise")
 
 
 class _StageClock:
-    """Collects what each stage kept and how long it took."""
+    """Collects each stage's result and run time."""
 
     def __init__(self) -> None:
         self.stages: list[StageTrace] = []
@@ -124,7 +124,7 @@ class _StageClock:
 def _drop_bad_pixels(
     events: Events, state: TrackState, config: DetectorConfig, clock: _StageClock
 ) -> tuple[Events, HotPixelMemory | None, FlickerMemory | None]:
-    """The optional stages in front of the paper's."""
+    """Run the optional stages before the paper's."""
     hot_pixels, flicker = None, None
     if config.hot_pixels.enabled:
         before = events

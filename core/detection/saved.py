@@ -12,11 +12,11 @@ from core.detection.methods import METHODS, SECTIONS, STAGED, UNNAMED_METHOD, Me
 from core.errors import CommandError, ConfigError
 
 SHARED_SECTIONS = frozenset({"window"})
-"""Every method has these, so they do not tell which one a file was written for."""
+"""Sections of every method, which do not identify the method of a file."""
 
 
 class SavedDetector(NamedTuple):
-    """What runs: a method and its settings."""
+    """A method and its settings."""
 
     method: Method
     config: DetectorConfig

@@ -1,4 +1,4 @@
-"""What the detector carries from window to window, and what it saw and decided in one of them."""
+"""State of the detector from window to window, and the trace of one window."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from core.events import Events
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackState:
-    """Everything a detector remembers. The memories of single pixels are None while their stages are off."""
+    """Complete state of a detector. The pixel memories are None while their stages are off."""
 
     centre_px: tuple[float, float] | None = None
     """Centre of the region of interest; None: the whole sensor."""
@@ -32,7 +32,7 @@ class TrackState:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StageTrace:
-    """What one stage kept."""
+    """Result of one stage."""
 
     name: str
     events: Events
@@ -43,16 +43,16 @@ class StageTrace:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
-    """One cluster, measured as far as that is possible even if an early test rejected it."""
+    """One cluster, measured as far as possible even if an early test rejected it."""
 
     label: int
     rows: NDArray[np.intp]
-    """Its events, of both polarities, as ascending row numbers of the events that denoising kept."""
+    """Its events of both polarities, as ascending row numbers of the denoised events."""
     events: Events
     leading_on: bool
-    """The polarity taken for its leading edge."""
+    """Polarity of its leading edge."""
     leading_evidence: float
-    """What this cluster alone shows: above 0 for ON, below 0 for OFF."""
+    """Evidence from this cluster alone: above 0 for ON, below 0 for OFF."""
     leading_rows: NDArray[np.intp]
     """The events of the leading polarity without outliers, as row numbers like `rows`."""
     leading_events: Events
@@ -66,33 +66,33 @@ class Candidate:
 
     @property
     def size(self) -> int:
-        """How many events it has, of both polarities."""
+        """Number of its events, of both polarities."""
         return len(self.rows)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PipelineTrace:
-    """Everything the detector saw and decided in one window."""
+    """Trace of one window through the detector."""
 
     stages: tuple[StageTrace, ...]
     """Those that ran, in order: hot_pixels, flicker (if enabled), roi, denoise, cluster, polarity, geometry, localise.
     From cluster on, the events that are kept are those of the candidates that are still in."""
     roi: Roi | None
-    """None: the whole sensor was searched."""
+    """Region of interest; None: the whole sensor was searched."""
     labels: NDArray[np.int32]
     """(N,) cluster of each event that denoising kept, -1 for none."""
     candidates: tuple[Candidate, ...]
     """Every cluster that was found, by label."""
     leading_on: bool
-    """The leading polarity of the detection; without one, what would be assumed of a cluster that shows nothing."""
+    """Leading polarity of the detection; without one, the default for a cluster without evidence."""
     detection: Detection | None
     extra_circles: int
     """Candidates that passed every test beside the detection."""
     state: TrackState
-    """For the next window."""
+    """State of the track for the next window."""
 
     def stage(self, name: str) -> StageTrace:
-        """The stage of that name.
+        """Result of the stage of this name.
 
         Raises:
             KeyError: if it did not run.

@@ -1,4 +1,4 @@
-"""Cutting a stream of events into the consecutive windows a detector is fed with."""
+"""Cutting a stream of events into consecutive windows for a detector."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from core.events import Events, Window
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WindowConfig:
-    """How long the detector collects events before it looks at them."""
+    """Length of the detector's windows."""
 
     window_us: int = setting(2000, 50, 20_000, step=50)
     """Length of a window in microseconds. Long enough that the ball's edge sweeps about 3 pixels (thinner structures do
@@ -23,13 +23,13 @@ class WindowConfig:
 
 
 class SliceableEvents(Protocol):
-    """Anything that serves time slices, such as one camera of a recording."""
+    """Anything with time slices of events, such as one camera of a recording."""
 
     def slice(self, start_us: int, end_us: int) -> Events: ...
 
 
 def windows_between(source: SliceableEvents, start_us: int, end_us: int, window_us: int) -> Iterator[Window]:
-    """The whole windows of length `window_us` in [start_us, end_us), one after the other; empty ones too."""
+    """Complete windows of length `window_us` in [start_us, end_us), in order; empty ones too."""
     for start in range(start_us, end_us - window_us + 1, window_us):
         yield Window(source.slice(start, start + window_us), start, start + window_us)
 
@@ -37,7 +37,7 @@ def windows_between(source: SliceableEvents, start_us: int, end_us: int, window_
 def windows_side_by_side(
     sources: Mapping[str, SliceableEvents], start_us: int, end_us: int, window_us: int
 ) -> Iterator[dict[str, Window]]:
-    """The whole windows of several sources at once, by name."""
+    """Complete windows of several sources at once, by name."""
     streams = [windows_between(source, start_us, end_us, window_us) for source in sources.values()]
     for windows in zip(*streams, strict=True):
         yield dict(zip(sources, windows, strict=True))

@@ -1,4 +1,4 @@
-"""Event cameras at this machine: their packets, clocks and biases, and what is recorded of them as it comes."""
+"""Event cameras of this machine: packets, clocks, biases, and raw recording."""
 
 from core.devices.camera_device import CameraDevice, CameraPacket, RawDevice, RawPacket
 from core.devices.clock_fit import ClockEstimate, ClockFit

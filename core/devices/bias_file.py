@@ -16,7 +16,7 @@ from core.text.toml_text import parse_toml
 LARGEST_BYTES: Final = 64 << 10
 
 BiasSets = dict[str, dict[str, int]]
-"""Values by name of bias, by name of model, or of model and serial number with a space between."""
+"""Bias values by name, by model, or by model and serial number separated by a space."""
 
 
 def read_biases(path: Path) -> BiasSets:

@@ -1,4 +1,4 @@
-"""What an event camera is to the rest: packets with the times at which they came, and biases that can be set."""
+"""Interface of an event camera: timed packets, and biases."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from numpy.typing import NDArray
 from core.devices.models import Bias, CameraModel
 
 ClockRole = Literal["own", "leads", "follows"]
-"""Of a camera: its own clock; its own, which it gives to another over a sync cable; that of the other."""
+"""Clock of a camera: its own; its own, passed to another camera over a sync cable; that of the other camera."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraPacket:
-    """What came of a camera at a time; perhaps no event, but the word that there was none."""
+    """Packet of a camera; it may have no events but only a time."""
 
     host_s: float
-    """When it came: this machine's monotonic clock."""
+    """Arrival time on this machine's monotonic clock, s."""
     stamp_us: int
     """A time of the camera's clock that had passed when the packet came."""
     complete_us: int
-    """Everything before this time of the camera's clock has come."""
+    """All events before this time of the camera's clock have arrived."""
     events: NDArray | None
     """Structured (t, x, y, on), on the camera's clock."""
     packets_dropped: int
-    """Of all that came since the camera was opened, before they could be read: this machine was too busy."""
+    """USB packets dropped since the camera was opened, because this machine was too busy to read them."""
     gap: bool
-    """Whether something was dropped just before it, or in its middle."""
+    """Whether data was dropped just before it, or within it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,13 +40,13 @@ class RawPacket:
     data: bytes
     packets_dropped: int
     gaps: tuple[int, ...]
-    """Where in `data`, in bytes, something is missing."""
+    """Offsets in `data`, bytes, where data is missing."""
     alone: bool
     """Whether it was not merged with later ones: then all of it had been stamped at `host_s`."""
 
 
 class OpenCamera(Protocol):
-    """A camera that is open. It is read by one thread; everything else may be done from any."""
+    """An open camera. One thread reads it; all other methods are thread-safe."""
 
     @property
     def serial(self) -> str: ...
@@ -54,11 +54,11 @@ class OpenCamera(Protocol):
     def model(self) -> CameraModel: ...
     @property
     def biases(self) -> tuple[Bias, ...]:
-        """Those that may be set, with what this very camera allows."""
+        """Biases with the bounds of this camera."""
         ...
 
     def bias_values(self) -> dict[str, int]:
-        """What they are now."""
+        """Current values of the biases."""
         ...
 
     def set_biases(self, values: Mapping[str, int]) -> None:
@@ -86,7 +86,7 @@ class CameraDevice(OpenCamera, Protocol):
 
 
 class RawDevice(OpenCamera, Protocol):
-    """A camera whose bytes are taken as they come."""
+    """A camera that is read as raw bytes."""
 
     def read_raw(self) -> RawPacket | None:
         """The next bytes; None if nothing came within a tenth of a second.

@@ -1,4 +1,4 @@
-"""Reads one camera in a thread of its own, and keeps what came until somebody takes it."""
+"""Reads one camera in a thread of its own, and buffers its events."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from core.events import Events, concatenate_events
 logger = logging.getLogger(__name__)
 
 MAX_EVENTS: Final = 10_000_000
-"""That wait to be taken; older ones are given up."""
+"""Most buffered events; older ones are dropped."""
 RATE_S: Final = 1.0
 QUIET_S: Final = 0.5
-"""Who sent nothing for so long, not even the time, is not waited for."""
+"""A camera that sent nothing for this long, not even the time, is not waited for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,28 +32,28 @@ class FeedCounts:
 
     events: int = 0
     packets_dropped: int = 0
-    """Before they could be read here; how many events were in them cannot be known."""
+    """USB packets dropped before they were read; their number of events is unknown."""
     gaps: int = 0
-    """Places in the stream where something is missing."""
+    """Gaps in the stream."""
     events_given_up: int = 0
-    """That came, but too late, or while too many waited."""
+    """Events dropped because they came too late or the buffer was full."""
     packets_refused: int = 0
-    """With events out of order, or off the sensor."""
+    """Packets with events out of order or off the sensor."""
 
 
 class CameraFeed:
     """Packets of one camera, which it owns and closes. Times are on the camera's clock."""
 
     def __init__(self, name: str, device: CameraDevice, changed: threading.Condition) -> None:
-        """Begin to read; `changed` is notified whenever something came."""
+        """Start reading; `changed` is notified at every packet."""
         self.name, self.device = name, device
         self.clock = ClockFit()
         self.problem: DeviceError | None = None
-        """Why the camera is gone."""
+        """Why the camera was lost; empty while it is there."""
         self.complete_us = 0
-        """Everything before it has come."""
+        """All events before this time have arrived."""
         self.since_us: int | None = None
-        """What came from here on has not been taken yet; None before anything came."""
+        """Time from which events are buffered; None before the first packet."""
         self._changed = changed
         self._waiting: deque[Events] = deque()
         self._events_waiting = 0
@@ -67,7 +67,7 @@ class CameraFeed:
 
     @property
     def counts(self) -> FeedCounts:
-        """What was lost, and what was not."""
+        """Counts of received and lost data."""
         with self._changed:
             return FeedCounts(**self._counts)
 
@@ -78,7 +78,7 @@ class CameraFeed:
 
     @property
     def rate_hz(self) -> float:
-        """Events a second, of late."""
+        """Recent event rate, Hz."""
         with self._changed:
             then_s, then = self._marks[0]
             now_s = time.monotonic()
@@ -89,7 +89,7 @@ class CameraFeed:
         self._quiet_s += seconds
 
     def take(self, start_us: int, end_us: int) -> Events:
-        """The events of a stretch; what is older is given up. The caller holds the condition."""
+        """Take the events of an interval; older ones are dropped. The caller holds the condition."""
         taken: list[Events] = []
         while self._waiting:
             part = self._waiting.popleft()
@@ -110,7 +110,7 @@ class CameraFeed:
         return found.rows(slice(late, None))
 
     def forget(self, before_us: int) -> None:
-        """Nobody wants what is older; that is no loss. The caller holds the condition."""
+        """Drop older events without counting a loss. The caller holds the condition."""
         if self.since_us is None:
             return
         given_up = self._counts["events_given_up"]
@@ -118,7 +118,7 @@ class CameraFeed:
         self._counts["events_given_up"] = given_up
 
     def close(self) -> None:
-        """End the thread, which closes the camera."""
+        """Stop the thread, which closes the camera."""
         self._stop = True
         self._thread.join()
 
@@ -148,7 +148,7 @@ class CameraFeed:
             counts = self._counts
             counts["packets_dropped"] = packet.packets_dropped
             counts["gaps"] += packet.gap
-            heard_s, self._quiet_s = time.monotonic(), 0.0
+            received_s, self._quiet_s = time.monotonic(), 0.0
             if self.since_us is None:
                 self.since_us = packet.stamp_us if not len(events) else min(int(events.t_us[0]), packet.stamp_us)
             if len(events):
@@ -160,8 +160,8 @@ class CameraFeed:
                 self._events_waiting -= len(oldest)
                 counts["events_given_up"] += len(oldest)
             self.complete_us = max(self.complete_us, packet.complete_us)
-            self._marks.append((heard_s, counts["events"]))
-            while len(self._marks) > 2 and heard_s - self._marks[1][0] > RATE_S:
+            self._marks.append((received_s, counts["events"]))
+            while len(self._marks) > 2 and received_s - self._marks[1][0] > RATE_S:
                 self._marks.popleft()
             self._changed.notify_all()
 

@@ -1,4 +1,4 @@
-"""How a camera's clock runs against this machine's, from when its packets arrived.
+"""Fit of a camera's clock to this machine's clock, from the arrival times of its packets.
 
 A packet arrives some time after it was stamped, never before: USB and the operating system add a delay that is seldom
 small and never negative. So the line of the clock lies below all points (stamp, arrival), and touches the few that
@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 BIN_US: Final = 250_000
-"""Of all packets stamped in so long only the least delayed one is remembered."""
+"""Length of a bin: of all packets stamped in it only the least delayed one is kept."""
 BINS: Final = 240
 """A minute: crystals drift with their temperature, and no faster."""
 MAX_DRIFT: Final = 500e-6
@@ -38,9 +38,9 @@ class ClockEstimate:
     drift: float
     """Seconds that the host's clock gains on the camera's in a second."""
     jitter_us: float
-    """By how much nine of ten packets of late were delayed more than the least delayed ones, at most."""
+    """90th percentile of the recent packets' delay over the least delayed ones, us."""
     span_us: int
-    """How long the clock has been watched, at most a minute."""
+    """Time over which the clock was observed, at most a minute."""
 
     def host_us(self, stamp_us: float) -> float:
         """When the camera's clock showed this, on the host's."""
@@ -57,12 +57,12 @@ class ClockFit:
     def __init__(self) -> None:
         self._estimate: ClockEstimate | None = None
         self.restarts = 0
-        """How often it had to begin anew: a clock was set, or the camera restarted."""
+        """Number of restarts: a clock was set, or the camera restarted."""
         self._forget()
 
     @property
     def estimate(self) -> ClockEstimate | None:
-        """The newest; None before anything has arrived."""
+        """Newest estimate; None before the first packet."""
         return self._estimate
 
     def add(self, stamp_us: int, host_us: float) -> None:
@@ -99,7 +99,7 @@ class ClockFit:
         self._forget()
 
     def _check_jump(self) -> bool:
-        """Whether the last bins say that a clock was set; then only they are kept."""
+        """Whether the last bins show that a clock was set; then only they are kept."""
         known = self._estimate
         if known is None or len(self._bins) <= JUMP_BINS:
             return False

@@ -1,4 +1,4 @@
-"""What to add to the stamps of one camera to have them on the clock of another."""
+"""Offset from the time stamps of one camera to the clock of another."""
 
 from __future__ import annotations
 

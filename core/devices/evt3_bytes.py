@@ -1,4 +1,4 @@
-"""What can be said of EVT3 bytes without decoding them: the time at their end, and where to go on after a gap.
+"""EVT3 bytes without decoding: the time at their end, and where to resume after a gap.
 
 Source: Prophesee's EVT3 format description: 16-bit words, the upper four bits their kind.
 """
@@ -33,7 +33,7 @@ class Evt3Clock:
         if len(highs):
             since, high = int(highs[-1]), int(part[highs[-1]]) & 0xFFF
             ahead = (high - self._high) & 0xFFF
-            if self._high < 0 or ahead < 0x800:  # else it is a damaged one, or the camera looks back
+            if self._high < 0 or ahead < 0x800:  # else it is damaged, or the clock went back
                 self._epoch += self._high >= 0 and high < self._high
                 if ahead:
                     self._low = 0
@@ -45,18 +45,18 @@ class Evt3Clock:
 
 
 class GapResynchroniser:
-    """After a gap nobody knows row and time: leaves out events until the camera has said both."""
+    """After a gap row and time are unknown: removes events until the stream has stated both."""
 
     def __init__(self) -> None:
         self.events_left_out = 0
         self._has_time = self._has_row = True
 
     def begin_gap(self) -> None:
-        """Something is missing in front of what comes next."""
+        """Note that data is missing before the next piece."""
         self._has_time = self._has_row = False
 
-    def mend(self, words: NDArray[np.uint16]) -> NDArray[np.uint16]:
-        """The next words, without events that are in no known place."""
+    def fix(self, words: NDArray[np.uint16]) -> NDArray[np.uint16]:
+        """Next words without events of unknown position or time."""
         if self._has_row:
             return words
         kinds = words >> 12
@@ -75,7 +75,7 @@ class GapResynchroniser:
 
 
 def count_events(words: NDArray[np.uint16]) -> int:
-    """How many events are in some words."""
+    """Number of events in some words."""
     kinds = words >> 12
     events = int((kinds == COLUMN).sum())
     for kind, mask in ((VECTOR_12, 0xFFF), (VECTOR_8, 0xFF)):

@@ -1,4 +1,4 @@
-"""The models of cameras that can be opened: their sensors, what their biases do, and what else they offer.
+"""Supported camera models: sensors, biases, and other features.
 
 Sources: neuromorphic-drivers 0.18.2 for names, defaults and what each model takes; for the ranges of the EVK4's biases,
 which are offsets from the factory's values, Prophesee's page "Biases" (IMX636). A camera may allow less than is said
@@ -24,20 +24,20 @@ class Bias:
     high: int
     default: int
     doc: str
-    """What more of it does."""
+    """Effect of a larger value."""
 
     def within(self, low: int, high: int) -> Bias:
-        """With narrower bounds."""
+        """Copy with narrower bounds."""
         low, high = max(low, self.low), min(high, self.high)
         return replace(self, low=low, high=high, default=min(max(self.default, low), high))
 
 
 @dataclass(frozen=True, slots=True)
 class CameraModel:
-    """What is known of a model without one at hand."""
+    """Properties of a camera model."""
 
     name: str
-    """As the driver calls it."""
+    """Model name that the driver reports."""
     module: str
     """The driver's module of its configuration."""
     sensor: SensorSize
@@ -47,7 +47,7 @@ class CameraModel:
     """Whether two of them can share a clock over a sync cable."""
     biases: tuple[Bias, ...]
     offers: str
-    """What else it has, for people."""
+    """Other features, as text."""
 
 
 _ON: Final = "higher: more contrast is needed for an ON event, so fewer of them and less noise"

@@ -1,4 +1,4 @@
-"""Event cameras by the library neuromorphic-drivers: all that is known here of that library.
+"""Event cameras with the library neuromorphic-drivers; the only module that uses it.
 
 No camera was at hand when this was written. What turns its packets into ours (`read`, `read_raw`) is tested with
 packets of the library's own types; that a plugged-in camera is listed, opened, configured and closed as it is asked
@@ -21,7 +21,7 @@ from core.errors import DeviceError
 
 LIBRARY: Final = "neuromorphic_drivers"
 WAIT_S: Final = 0.1
-"""For a packet; then the reader can look whether it is to end."""
+"""Longest wait for a packet; then the reader checks whether it is to stop."""
 _CLOCKS: Final = {"own": "INTERNAL", "leads": "INTERNAL_WITH_OUTPUT_ENABLED", "follows": "EXTERNAL"}
 _PERMISSION: Final = "is it in use by another program? On Linux, run neuromorphic-drivers-install-udev-rules once"
 
@@ -35,7 +35,7 @@ class ListedCamera:
     """None where it could not be read."""
     connection: str
     problem: str | None
-    """Why it cannot be used."""
+    """Why it cannot be used; empty if it can."""
 
 
 def load_driver() -> Any:
@@ -55,7 +55,7 @@ def load_driver() -> Any:
 
 
 def list_cameras(driver: Any = None) -> tuple[ListedCamera, ...]:
-    """What is plugged in, whether or not it can be used here.
+    """List the cameras that are plugged in, usable or not.
 
     Raises:
         DeviceError: if the library is not installed, or USB cannot be asked.
@@ -104,7 +104,7 @@ def open_camera(
 
 
 def describe_cameras(cameras: tuple[ListedCamera, ...]) -> str:
-    """All of them in one line."""
+    """One line about all cameras."""
     if not cameras:
         return "no event camera is plugged in"
     return ", ".join(f"{one.serial or one.problem or 'unknown serial'} ({one.name})" for one in cameras)
@@ -124,7 +124,7 @@ class DriverCamera:
         self._dropped = 0
 
     def bias_values(self) -> dict[str, int]:
-        """What they were set to, here or by default."""
+        """Values set here or by default."""
         return {bias.name: int(getattr(self._configuration.biases, bias.name)) for bias in self.biases}
 
     def set_biases(self, values: Mapping[str, int]) -> None:
@@ -167,7 +167,7 @@ class DriverCamera:
         return RawPacket(_arrival_s(status, now_s), data, int(ring.dropped_packets), gaps, ring.raw_packets == 1)
 
     def close(self) -> None:
-        """Let the camera go."""
+        """Close the camera."""
         self._device.close()  # HARDWARE
 
     def _next(self) -> tuple[Any, Any, float]:

@@ -1,4 +1,4 @@
-"""Writes what cameras send as it comes, a RAW file for each; a recording is made of them when it is over.
+"""Writes the raw data of cameras, a RAW file for each; a recording is made of them at the end.
 
 Nothing is decoded meanwhile: each camera has a thread that takes bytes from the driver and gives them to the operating
 system. If the disk is slower than the camera for some seconds, they wait in the driver's memory (512 MB a camera with a
@@ -32,30 +32,30 @@ logger = logging.getLogger(__name__)
 BUFFER_BYTES: Final = 1 << 20
 FLUSH_S: Final = 0.5
 SETTLE_US: Final = 1_000_000
-"""Before this the shift between two clocks is not known well."""
+"""Time until the shift between two clocks is known well."""
 ROW_US: Final = 1_000_000
 """From one row of the table of clocks to the next."""
 
 
 @dataclass(frozen=True, slots=True)
 class RawTake:
-    """What was written of one camera."""
+    """Result of one camera."""
 
     name: str
     path: Path
     bytes_written: int
     packets_dropped: int
-    """That the driver had no room for, while this machine was too busy."""
+    """Packets dropped because the driver's buffer was full and this machine too busy."""
     gaps: int
     events_left_out: int
-    """After gaps, until the camera had said again where events were."""
+    """Events removed after gaps, until their position was known again."""
     problem: str
     """Why it ended early; empty if it did not."""
     clock: ClockEstimate | None
 
 
 class RawRecorder:
-    """Records from its making until `stop`. The cameras are its own, and are closed with it."""
+    """Records from its creation until `stop`. It owns the cameras and closes them."""
 
     def __init__(self, devices: Mapping[str, RawDevice], out: Path, *, cable: bool = False, overwrite: bool = False):
         """Begin. The files stand beside `out`, which is not written here: OUT.left.raw and so on.
@@ -96,12 +96,12 @@ class RawRecorder:
 
     @property
     def error(self) -> RallyscopeError | None:
-        """Why nothing more can be written."""
+        """Error that stopped writing; None if none."""
         return next((one.problem for one in self._files if isinstance(one.problem, RecordingError)), None)
 
     @property
     def bytes_written(self) -> int:
-        """By all."""
+        """Bytes written, all cameras."""
         return sum(one.bytes_written for one in self._files)
 
     def stop(self) -> tuple[RawTake, ...]:
@@ -182,10 +182,10 @@ class _CameraFile:
             for number, (first, last) in enumerate(itertools.pairwise(places)):
                 if number:
                     self._mender.begin_gap()
-                self._put(self._mender.mend(words[first:last]).tobytes())
+                self._put(self._mender.fix(words[first:last]).tobytes())
         else:
-            mended = self._mender.mend(words)
-            self._put(packet.data if mended is words else mended.tobytes())
+            fixed = self._mender.fix(words)
+            self._put(packet.data if fixed is words else fixed.tobytes())
         before_us, self._stamp_us = self._stamp_us, self._words.after(words)
         known_us = self._stamp_us if packet.alone else before_us
         if known_us is not None:
@@ -216,7 +216,7 @@ class _CameraFile:
             self._device.close()
         except RuntimeError as error:
             logger.info("camera %s was not closed: %s", self.name, error)
-        if not self._row_us and self._stamp_us is not None:  # it was short: better than nothing
+        if not self._row_us and self._stamp_us is not None:  # it was short: an early estimate is better than none
             self._tell_clock(self._stamp_us, settled=False)
         for file in (self._file, self._table):
             try:

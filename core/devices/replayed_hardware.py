@@ -1,4 +1,4 @@
-"""Recordings in the place of cameras: what the library would give of cameras that see what was recorded, as it would.
+"""Recordings in place of cameras: a stand-in for the camera library.
 
 For tests and benchmarks of everything behind the library. It stands for the library itself: it lists its cameras, opens
 them, and gives packets of the library's own types, decoded or as bytes, at the pace of the recording. A ring of packets
@@ -20,7 +20,7 @@ from core.events import Events, SensorSize
 from core.recordings.evt3_encoder import LOW_BITS, Evt3Encoder
 
 DTYPE: Final = np.dtype([("t", "<u8"), ("x", "<u2"), ("y", "<u2"), ("on", "?")])
-"""Of the library's polarity events."""
+"""Layout of the library's polarity events."""
 PACKET_US: Final = 1000
 MAX_MERGED: Final = 64
 """Packets that the library makes one of, if they have waited."""
@@ -37,21 +37,21 @@ class RecordedStream(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Replayed:
-    """A camera that does not exist."""
+    """A simulated camera that replays a recording."""
 
     stream: RecordedStream
     duration_us: int
     """After which it sends time and no events."""
     model: CameraModel = EVK4
     offset_us: int = 0
-    """What its clock shows at the recording's 0."""
+    """Its clock at the recording's time 0."""
     drift: float = 0.0
     """Seconds that this machine's clock gains on it in a second."""
     jitter_s: float = 0.0
-    """Packets come late by up to so much."""
+    """Largest random delay of packets."""
     speed: float = 1.0
     ring: int = RING
-    """Packets that may wait."""
+    """Capacity of its packet buffer."""
 
 
 class ReplayedLibrary:
@@ -68,7 +68,7 @@ class ReplayedLibrary:
         self._hold = hold
 
     def begin(self) -> None:
-        """Let them see."""
+        """Start the replay."""
         self.began_s = self.clock()
 
     def __getattr__(self, name: str) -> Any:
@@ -120,12 +120,12 @@ class ReplayedDevice:
         return bounds.BiasesBounds(**{name: bounds.Bounds(low, low + 2047) for name in names})
 
     def update_configuration(self, configuration: Any) -> None:
-        """Remember it."""
+        """Store the configuration."""
         self.configuration = configuration
         configuration.serialize()
 
     def close(self) -> None:
-        """It gives nothing any more."""
+        """Stop the replay."""
         self.closed = True
 
     def __iter__(self) -> ReplayedDevice:

@@ -16,7 +16,7 @@ COLUMNS: Final = "stamp_us,shift_us"
 LARGEST_BYTES: Final = 64 << 20
 """A row a second for a week is a tenth of it."""
 MAX_SLOPE: Final = 0.01
-"""Of the shift, in seconds a second: clocks are a thousand times better, and more would put events out of order."""
+"""Steepest shift, s/s: real clocks are a thousand times better, and more would put events out of order."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -44,7 +44,7 @@ class Following:
         self.bodies = PlayedBodies()
         """Who is in it, as far as that is known."""
         self.share = 0.0
-        """Of the recording that has been followed."""
+        """Share of the recording that has been processed, 0..1."""
         self._recording = recording
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="following", daemon=True)

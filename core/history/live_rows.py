@@ -1,4 +1,4 @@
-"""What a live rally knows beside events, as groups of rows: the last seconds, as a recording of it would hold them."""
+"""Data of a live rally besides events, as groups of rows like those of a recording: the last seconds."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from core.live.link import messages as m
 
 
 class LiveRows:
-    """Groups that grow at one end and are forgotten at the other. Safe to use from several threads."""
+    """Groups that grow at the end, with old rows dropped. Thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -32,7 +32,7 @@ class LiveRows:
         self._last: RacketDecision | None = None
 
     def clear(self) -> None:
-        """Begin anew."""
+        """Clear all rows."""
         with self._lock:
             self._parts.clear()
             self._last = None
@@ -44,11 +44,11 @@ class LiveRows:
         return {name: np.concatenate([rows[name] for rows in parts]) for name in parts[0]} if parts else None
 
     def add_state(self, state: m.WorldState) -> None:
-        """Where the racket was."""
+        """Add the racket's poses of a state."""
         self._add(RACKET, state.t_us, racket_rows(state, 0))
 
     def add_step(self, state: PlayerState, decision: RacketDecision | None) -> None:
-        """What was expected and decided."""
+        """Add the prediction and decision of a step."""
         if state.chain.is_new and state.chain.prediction is not None:
             self._add(PREDICTIONS, state.chain.t_us, prediction_rows(state.chain.prediction, 0))
         if decision is not None:
@@ -56,13 +56,13 @@ class LiveRows:
             self._add(TARGETS, decision.t_us, target_rows(decision, 0))
 
     def add_outcome(self, notice: m.OutcomeNotice, policy: str) -> None:
-        """What came of a ball."""
+        """Add the outcome of a ball."""
         last = self._last
         decision = last if last is not None and notice.serve_us <= last.t_us <= notice.t_us else None
         self._add(EPISODES, notice.t_us, episode_rows(notice, decision, policy, 0))
 
     def forget_before(self, t_us: int) -> None:
-        """Bound the memory."""
+        """Drop old rows."""
         with self._lock:
             for parts in self._parts.values():
                 while parts and parts[0][0] < t_us:

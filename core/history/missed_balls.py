@@ -17,30 +17,30 @@ from core.recordings import Recording
 from core.trajectory.prediction import HitPlane
 
 LOOK_BACK_US: Final = 20_000_000
-"""As long as a live rally is remembered."""
+"""Length of the history that a live rally keeps."""
 UNSEEN_US: Final = 10_000
-"""A ball that was not seen for a shorter time was not missed: the flight goes on without it."""
+"""Shortest gap that counts as missed: over a shorter one the track continues."""
 GAP_US: Final = 5_000
-"""Windows of one camera that are further apart do not belong together."""
+"""Largest gap between consecutive windows of one camera."""
 BALL_US: Final = 1_500_000
-"""A ball is over after so long, where a recording does not tell when."""
+"""Duration of a ball where a recording does not state its end."""
 
 
 @dataclass(frozen=True, slots=True)
 class MissedBall:
-    """Where and when to look."""
+    """A missed ball: camera and time."""
 
     t_us: int
-    """The end of a window that shows it."""
+    """End of a window that shows it."""
     camera: str
     kind: Literal["not seen", "not returned"]
     unseen_us: int = 0
-    """How long that camera did not see it, in one piece; 0 if it was seen."""
+    """Length of the gap in that camera; 0 if it was seen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MissedBallRequest:
-    """The rally, and until when to look."""
+    """Request to search a rally up to a time."""
 
     recording: Recording
     history: RallyHistory
@@ -83,7 +83,7 @@ def find_missed_ball(request: MissedBallRequest) -> MissedBall | None:
 
 
 def _unseen(recording: Recording, steps: Sequence[RallyStep]) -> list[MissedBall]:
-    """Every stretch in which a camera did not see the ball in its picture, by the time of its middle."""
+    """Intervals in which a camera missed a ball in its picture, with the times of their middles."""
     ends_us = np.array([step.t_us for step in steps], np.int64)
     window_us = int(np.median(np.diff(ends_us))) if len(ends_us) > 1 else 0
     found = []
@@ -101,7 +101,7 @@ def _unseen(recording: Recording, steps: Sequence[RallyStep]) -> list[MissedBall
 
 
 def _stretches(t_us: NDArray[np.int64], holds: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First and last row of every stretch without a gap in which it holds."""
+    """First and last rows of runs without a gap in which it is true."""
     rows = np.flatnonzero(holds)
     if not len(rows):
         return []
@@ -112,6 +112,6 @@ def _stretches(t_us: NDArray[np.int64], holds: NDArray[np.bool_]) -> list[tuple[
 
 
 def _hit_us(predicted: Sequence[tuple[int, HitPlane]], outcome: Outcome, end_us: int) -> int:
-    """When the racket was to meet the ball, as it was expected last; the ball's end if nothing was expected."""
+    """Last predicted hit time of the ball; its end if nothing was predicted."""
     during = [hit for t_us, hit in predicted if outcome.serve_us <= t_us <= end_us]
     return min(end_us, round(during[-1].t_s * 1e6)) if during else end_us

@@ -1,4 +1,4 @@
-"""The people of a simulated scene at any time of a rally: they follow from the scene's name and the seed alone.
+"""Persons of a simulated scene at any time, computed from the scene's name and the seed.
 
 So the live link sends no poses, and neither does a recording keep any. Where scene or seed is not known, or a file was
 made by another version, whose people would stand elsewhere, nobody is drawn.
@@ -46,7 +46,7 @@ class ScenePart:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlayedBodies:
-    """Who is there when."""
+    """Persons over time."""
 
     parts_of_time: tuple[ScenePart, ...] = ()
     """In order of time."""
@@ -60,13 +60,13 @@ class PlayedBodies:
         return People(bodies.parts, bodies.ends(np.array([(t_us + there[-1].zero_us) * 1e-6]))[0])
 
     def then(self, start_us: int, scene: str, seed: int, zero_us: int = 0) -> PlayedBodies:
-        """These bodies until `start_us`, then those of a live scene."""
+        """Copy with these bodies until `start_us`, then those of a live scene."""
         bodies = make_actors(SCENES[scene].cast, seed) if scene in SCENES else None
         return PlayedBodies((*self.parts_of_time, ScenePart(start_us, zero_us, bodies)))
 
 
 def recorded_bodies(recording: Recording) -> PlayedBodies:
-    """Who is in a recording: told by its config, or for a recorded live rally by its scenes."""
+    """Persons of a recording, from its config, or for a recorded live rally from its scenes."""
     if not isinstance(recording, FileRecording):
         return PlayedBodies()
     rows = recording.read_rows(SCENES_SEEN)

@@ -1,4 +1,4 @@
-"""A rally over time, as the chain saw it: filled while it is followed, asked for any moment, live or recorded."""
+"""History of a rally as processed by the chain: queried for any moment, live or recorded."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def trail_speeds_mps(t_us: NDArray[np.int64], ps_world_m: Array) -> Array:
         return np.full(len(t_us), np.nan)
     first = np.searchsorted(t_us, t_us - HALF_WINDOW_US, side="left")
     last = np.searchsorted(t_us, t_us + HALF_WINDOW_US, side="right") - 1
-    alone = first == last  # a gap on both sides: then from the neighbour
+    alone = first == last  # gaps on both sides: use the neighbour's
     first, last = np.where(alone, np.maximum(first - 1, 0), first), np.where(alone & (first == 0), last + 1, last)
     seconds = (t_us[last] - t_us[first]) * 1e-6
     return np.linalg.norm(ps_world_m[last] - ps_world_m[first], axis=1) / seconds
@@ -63,15 +63,15 @@ Item = TypeVar("Item")
 
 TRAIL_US: Final = 700_000
 FLIGHT_GAP_US: Final = 120_000
-"""A trail does not reach back over a longer time without a point."""
+"""A trail ends at a gap longer than this."""
 BALL_US: Final = 30_000
-"""A ball that was not seen for so long is not drawn."""
+"""A ball unseen for this long is not drawn."""
 EXPECTED_US: Final = 60_000
 """Predictions stay this long after the time at which the ball was to be hit."""
 OUTCOMES_KEPT: Final = 200
-"""Of a live rally: more landing spots would cover each other."""
+"""Most outcomes kept of a live rally: more landing points would cover each other."""
 RACKET_US: Final = 200_000
-"""A racket's target is shown for so long after the time at which it was to be there."""
+"""A racket's target is shown this long after its time."""
 PATH_POINTS: Final = 48
 TUBE_POINTS: Final = 20
 SPEED_POINTS: Final = 6
@@ -79,7 +79,7 @@ SPEED_POINTS: Final = 6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ShownPrediction:
-    """What one prediction said."""
+    """A prediction to show."""
 
     t_us: int
     path: Array
@@ -90,7 +90,7 @@ class ShownPrediction:
 
     @property
     def end_us(self) -> float:
-        """When the ball was to be hit; without that, when the prediction was made."""
+        """Predicted hit time; without one, the time of the prediction."""
         return float(self.t_us) if self.hit is None else self.hit.t_s * 1e6
 
     def sigmas(self) -> tuple[Array, Array]:
@@ -101,14 +101,14 @@ class ShownPrediction:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RallyStep:
-    """What was known after one step of the chain."""
+    """State after one step of the chain."""
 
     t_us: int
     point: BallPoint | None
     circles: dict[str, tuple[float, float, float]]
     """u, v, r in pixels, by camera."""
     before: ShownPrediction | None
-    """Of this flight, the last prediction before the bounce."""
+    """Last prediction before the bounce, of this flight."""
     after: ShownPrediction | None
     sent: RacketDecision | None
     seconds: float
@@ -117,7 +117,7 @@ class RallyStep:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """What came of a ball."""
+    """Outcome of a ball."""
 
     t_us: int
     serve_us: int
@@ -127,17 +127,17 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RallyMoment:
-    """Everything about one time."""
+    """State of the rally at one time."""
 
     t_us: int
     picture: RallyPicture
     step: RallyStep | None
     sent: RacketDecision | None
-    """Where the racket is sent at this time."""
+    """Target of the racket at this time."""
     speed_mps: float | None
-    """Of the ball, from its last points."""
+    """Speed of the ball from its last points, m/s."""
     outcomes: tuple[Outcome, ...]
-    """Up to this time, oldest first."""
+    """Outcomes up to this time, oldest first."""
 
 
 class _Line(Generic[Item]):
@@ -152,17 +152,17 @@ class _Line(Generic[Item]):
         self.items.append(item)
 
     def last(self, t_us: int) -> Item | None:
-        """The newest not after a time."""
+        """Newest item not after a time."""
         found = bisect_right(self.t_us, t_us) - 1
         return self.items[found] if found >= 0 else None
 
     def between(self, start_us: int, end_us: int) -> list[Item]:
-        """Those with start < t <= end."""
+        """Items with start < t <= end."""
         return self.items[bisect_right(self.t_us, start_us) : bisect_right(self.t_us, end_us)]
 
     def forget_before(self, t_us: int) -> None:
         cut = bisect_left(self.t_us, t_us)
-        if cut > len(self.items) // 4:  # seldom: it moves the whole list
+        if cut > len(self.items) // 4:  # rarely: it moves the whole list
             del self.t_us[:cut], self.items[:cut]
 
     def keep_newest(self, most: int) -> None:
@@ -171,7 +171,7 @@ class _Line(Generic[Item]):
 
 
 class RallyHistory:
-    """Safe to use from several threads."""
+    """History of one rally. Thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -182,7 +182,7 @@ class RallyHistory:
         with self._lock:
             self._steps: _Line[RallyStep] = _Line()
             self._points: _Line[BallPoint] = _Line()
-            self._flights: _Line[int] = _Line()  # when each began
+            self._flights: _Line[int] = _Line()  # start time of each
             self._rackets: _Line[Pose] = _Line()
             self._truths: _Line[Array | None] = _Line()
             self._outcomes: _Line[Outcome] = _Line()
@@ -194,12 +194,12 @@ class RallyHistory:
 
     @property
     def followed_us(self) -> int:
-        """How far the chain has come."""
+        """Time up to which the chain has processed."""
         with self._lock:
             return self._steps.t_us[-1] if self._steps.t_us else 0
 
     def predicted_hits(self) -> list[tuple[int, HitPlane]]:
-        """When each prediction of the hitting plane was made, and what it said."""
+        """Times and values of the predictions of the hitting plane."""
         with self._lock:
             return list(self._hits.items)
 
@@ -215,7 +215,7 @@ class RallyHistory:
 
     @property
     def outcome_count(self) -> int:
-        """Balls whose outcome became known, also of those that are forgotten."""
+        """Number of balls with a known outcome, also dropped ones."""
         return self._outcome_count
 
     def add_step(self, state: PlayerState) -> None:
@@ -236,13 +236,13 @@ class RallyHistory:
                 self._points.add(chain.point.t_us, chain.point)
 
     def add_rackets(self, t_us: NDArray[np.int64], ps_world_m: Array, qs_wxyz: Array) -> None:
-        """(N,), (N, 3), (N, 4): where the racket really was."""
+        """Add true racket poses: times (N,), positions (N, 3), orientations (N, 4)."""
         with self._lock:
             for t, p, q in zip(t_us.tolist(), ps_world_m, qs_wxyz, strict=True):
                 self._rackets.add(t, Pose(p, q))
 
     def add_targets(self, targets: Iterable[RacketDecision]) -> None:
-        """Where the racket was sent when the recording was made: it counts, and not what the chain would do now.
+        """Add the recorded racket targets, which replace the chain's own decisions.
 
         A recording does not keep the landing that was expected, so the goal is shown in its place.
         """
@@ -251,13 +251,13 @@ class RallyHistory:
                 self._targets.add(one.t_us, replace(one, landing_m=one.goal_m))
 
     def add_truth(self, truth: BallTruth) -> None:
-        """Where the ball really was."""
+        """Add the true ball."""
         with self._lock:
             for t, p, visible in zip(truth.t_us.tolist(), truth.p_world_m, truth.visible.tolist(), strict=True):
                 self._truths.add(t, p if visible and np.isfinite(p).all() else None)
 
     def add_outcome(self, outcome: Outcome) -> None:
-        """What came of a ball."""
+        """Outcome of a ball."""
         with self._lock:
             self._outcomes.add(outcome.t_us, outcome)
             self._outcome_count += 1
@@ -329,7 +329,7 @@ class RallyHistory:
 
 
 def _even_rows(length: int, most: int) -> NDArray[np.int64]:
-    """At most so many of the rows, evenly spread, both ends among them."""
+    """Indices of at most this many evenly spread rows, both ends included."""
     return np.unique(np.linspace(0, length - 1, most).astype(np.int64))
 
 

@@ -1,4 +1,4 @@
-"""What the 3D scene shows at one moment: a frozen value that the live rally, recordings and training all make."""
+"""Content of the 3D scene at one moment, as a frozen value, for live rallies, recordings and training."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Pose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UncertaintyEllipse:
-    """How sure a point in a plane is: an ellipse."""
+    """Uncertainty ellipse of a point in a plane."""
 
     centre: Array
     """(3,)"""
@@ -42,7 +42,7 @@ class People:
 
 @dataclass(frozen=True, slots=True)
 class LandingSpot:
-    """Where a past ball came down."""
+    """Landing point of a past ball."""
 
     x_m: float
     y_m: float
@@ -54,7 +54,7 @@ class RallyPicture:
     """World frame, metres. None or empty is not drawn."""
 
     ball: Array | None = None
-    """(3,) as it was measured."""
+    """(3,) measured position."""
     trail: Array = field(default_factory=lambda: np.empty((0, 3)))
     """(N, 3), oldest first."""
     trail_speeds_mps: Array = field(default_factory=lambda: np.empty(0))
@@ -70,13 +70,13 @@ class RallyPicture:
     tube_sigmas: Array = field(default_factory=lambda: np.empty((0, 3)))
     """(N, 3) its standard deviations."""
     spreads: tuple[UncertaintyEllipse, ...] = ()
-    """Of the expected bounce and of the hit."""
+    """Uncertainty of the expected bounce and of the hit."""
     bounce: Array | None = None
-    """Where it bounces or did bounce."""
+    """Predicted or past bounce."""
     bounce_in_s: float | None = None
     """Until it bounces there; None if it is not expected to any more."""
     hit: Array | None = None
-    """Where it is expected at the hitting plane."""
+    """Predicted position at the hitting plane."""
     hit_in_s: float | None = None
     people: People | None = None
     racket: Pose | None = None
@@ -84,4 +84,4 @@ class RallyPicture:
     landing_target: Array | None = None
     """(2,) on the table."""
     spots: tuple[LandingSpot, ...] = ()
-    """Of past balls, oldest first."""
+    """Landing points of past balls, oldest first."""

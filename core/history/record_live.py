@@ -1,4 +1,4 @@
-"""Write what is seen of the live rally to a recording that opens again like any other."""
+"""Records the live rally to a normal recording file."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ FLUSH_BLOCKS: Final = 100
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Thought:
-    """What the player expected, and decided."""
+    """Prediction and decision of the player."""
 
     prediction: Prediction
     decision: RacketDecision | None
 
 
-Heard = m.EventBatch | m.WorldState | m.OutcomeNotice | _Thought | None
+_QueueItem = m.EventBatch | m.WorldState | m.OutcomeNotice | _Thought | None
 
 
 class LiveRecorder:
@@ -79,7 +79,7 @@ class LiveRecorder:
         self._scene: str | None = None  # the writer's thread only
         self._zero_us: int | None = 0 if from_start else None
         self._blocks = 0
-        self._heard: queue.Queue[Heard] = queue.Queue(QUEUE)
+        self._items: queue.Queue[_QueueItem] = queue.Queue(QUEUE)
         self._ending = False
         self._thread = threading.Thread(target=self._write, name="live-recorder", daemon=True)
         self._thread.start()
@@ -89,7 +89,7 @@ class LiveRecorder:
 
     @property
     def recording(self) -> bool:
-        """Whether it still goes on."""
+        """Whether it is still recording."""
         return self._thread.is_alive() and not self._ending
 
     def stop(self) -> int:
@@ -113,11 +113,11 @@ class LiveRecorder:
             self._end()
 
     def on_events(self, batch: m.EventBatch) -> None:
-        """Queue it."""
+        """Queue the batch."""
         self._queue(batch)
 
     def on_state(self, state: m.WorldState) -> None:
-        """Queue it, unless it is only a sign of life."""
+        """Queue the state, unless it is only a heartbeat."""
         if state.ends_block:
             self._queue(state)
 
@@ -131,11 +131,11 @@ class LiveRecorder:
         if session == self._session and found is not None:
             self._queue(_Thought(found, decision))
 
-    def _queue(self, message: Heard) -> None:
+    def _queue(self, message: _QueueItem) -> None:
         if self._ending:
             return
         try:
-            self._heard.put_nowait(message)
+            self._items.put_nowait(message)
         except queue.Full:
             self.error = LinkError("the disk is too slow for the live rally", where=self.path)
             self._ending = True
@@ -143,14 +143,14 @@ class LiveRecorder:
     def _end(self) -> None:
         if not self._ending:
             self._ending = True
-            self._heard.put(None)
+            self._items.put(None)
 
     def _write(self) -> None:
         try:
             with self._writer:
                 while True:
                     try:
-                        message = self._heard.get(timeout=0.5)
+                        message = self._items.get(timeout=0.5)
                     except queue.Empty:
                         if self._ending:
                             return

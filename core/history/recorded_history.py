@@ -1,4 +1,4 @@
-"""What a recording itself says of a rally, as its history."""
+"""Rally history from the data of a recording."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from core.recordings import BallTruth
 AT_SPOT_M: Final = 0.05
 NEVER_US: Final = 2**62
 KNOWN_CASES: Final = frozenset(int(case) for case in Case)
-"""Of a row with another nothing can be said."""
+"""Outcomes that are known; a row with another value is skipped."""
 
 
 def add_known(history: RallyHistory, ball: BallTruth | None, rows: HasRows) -> None:
-    """The true ball, the racket, where it was sent, and what came of the balls."""
+    """Add the recorded truth, racket, targets and outcomes."""
     if ball is not None:
         history.add_truth(ball)
     racket, episodes = rows.read_rows(RACKET), rows.read_rows(EPISODES)

@@ -1,4 +1,4 @@
-"""What a player expected and decided, as groups of a recording: written beside the live rally, and read again.
+"""Predictions and decisions of a player as groups of a recording: writing and reading.
 
 `/predictions` and `/episodes` hold what the method defines; `/racket_targets` is where the racket was sent.
 """
@@ -29,7 +29,7 @@ PREDICTIONS: Final = "/predictions"
 TARGETS: Final = "/racket_targets"
 EPISODES: Final = "/episodes"
 SCENES_SEEN: Final = "/scenes"
-"""Of a recorded live rally: from when on which scene, with what tells who was in it."""
+"""Group of a recorded live rally that says which scene was shown from when, and who was in it."""
 REWARD: Final = RewardConfig(kind="case")
 """The live rally counts no episodes, so it is the reward with constant weights."""
 
@@ -39,7 +39,7 @@ class RecordedPrediction:
     """A prediction of the hitting plane."""
 
     t_us: int
-    """Of the newest observation in it."""
+    """Time of the newest observation in it."""
     stage: Stage
     t_hit_us: int
     p_hit_m: Array

@@ -1,4 +1,4 @@
-"""How many balls came back, by who played them and in which scene."""
+"""Return counts by controller and scene."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from core.metrics.intervals import binomial_interval
 
 @dataclass(frozen=True, slots=True)
 class BallConditions:
-    """Under what a ball was played."""
+    """Conditions of a ball."""
 
     controller: str
     """Name of the controller."""
     scene: str
-    """Name of the scene; empty where that is not known."""
+    """Name of the scene; empty if unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,12 +50,12 @@ class ReturnCounts:
         self._begun: BallConditions | None = None
 
     def begin_ball(self, conditions: BallConditions) -> None:
-        """A ball was served."""
+        """Start a ball."""
         with self._lock:
             self._begun = conditions
 
     def end_ball(self, conditions: BallConditions, *, returned: bool) -> None:
-        """It is known what came of the ball that was served last."""
+        """End the ball that was served last, with its outcome."""
         with self._lock:
             begun, self._begun = self._begun, None
             if begun == conditions:
@@ -63,7 +63,7 @@ class ReturnCounts:
                 self._counts[conditions] = (balls + 1, back + returned)
 
     def drop_ball(self) -> None:
-        """The ball that flies is not to be counted: its session is over."""
+        """Do not count the current ball: its session is over."""
         with self._lock:
             self._begun = None
 
@@ -73,6 +73,6 @@ class ReturnCounts:
             self._counts.clear()
 
     def rates(self) -> tuple[ReturnRate, ...]:
-        """What has been counted, in the order in which it was first met."""
+        """Return rates, in the order of first occurrence."""
         with self._lock:
             return tuple(ReturnRate(one, balls, back) for one, (balls, back) in self._counts.items())

@@ -1,4 +1,4 @@
-"""Strokes where nobody tells what came of them: judged from the chain's points, into the history of a rally.
+"""Outcomes of strokes classified from the chain's points, for sources that do not report them.
 
 A ball that came and was not struck is no outcome here: perhaps there was no racket at all.
 """
@@ -23,7 +23,7 @@ MAX_WAITING: Final = 2_000
 
 
 def note_stroke(history: RallyHistory, judged: ClassifiedStroke | None) -> None:
-    """Add a judgement to a history, if it is one of a stroke."""
+    """Add a classification to a history, if it is of a stroke."""
     if judged is not None and judged.case is not Case.MISSED:
         history.add_outcome(outcome_as_judged(judged))
 
@@ -37,7 +37,7 @@ def outcome_as_judged(judged: ClassifiedStroke) -> Outcome:
 
 
 class SeenOutcomes:
-    """Judges on a thread of its own: a judgement takes longer than a step of the chain may. `close` it."""
+    """Classifies on a thread of its own, as it takes longer than a step of the chain may. `close` it."""
 
     def __init__(self, history: RallyHistory) -> None:
         self._history = history
@@ -55,13 +55,13 @@ class SeenOutcomes:
             logger.debug("a step was not judged")
 
     def begin_anew(self) -> None:
-        """Another session: what was seen before belongs to none of its balls."""
+        """Reset for a new session."""
         self._session += 1
 
     def close(self) -> None:
         """End the thread."""
         self._ended.set()
-        with contextlib.suppress(queue.Full):  # then it is awake
+        with contextlib.suppress(queue.Full):  # wakes the thread
             self._steps.put_nowait(None)
         self._thread.join()
 

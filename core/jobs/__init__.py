@@ -1,4 +1,4 @@
-"""Many independent pieces of work: in processes of this machine, or on a Dask cluster; the results are the same."""
+"""Many independent tasks, in processes of this machine or on a Dask cluster, with equal results."""
 
 from core.jobs.backend import ALONE, HERE, JobBackend
 from core.jobs.control import TaskControl, TasksStoppedError

@@ -1,4 +1,4 @@
-"""Where pieces of work are done, as a user says it."""
+"""The user's choice of where tasks run."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class JobBackend:
     """Processes of this machine, or the workers of a Dask cluster."""
 
     jobs: int | None = None
-    """Pieces worked on at a time here; None for one per core."""
+    """Tasks at a time on this machine; None for one per core."""
     cluster: str | None = None
     """Address of the cluster's scheduler, `tcp://` on this machine and `tls://` beyond it; None for here."""
 
@@ -29,18 +29,18 @@ class JobBackend:
             _check_address(self.cluster)
 
     def processes(self, most: int) -> int:
-        """How many work here, if there are `most` pieces."""
+        """Number of processes on this machine for at most `most` tasks."""
         return max(1, min(self.jobs or usable_cores(), most))
 
 
 HERE: Final = JobBackend()
-"""A process per core of this machine."""
+"""One process per core of this machine."""
 ALONE: Final = JobBackend(jobs=1)
-"""This process."""
+"""This process only."""
 
 
 def _check_address(address: str) -> None:
-    """Raises JobsError unless nobody else can command a cluster there, or listen."""
+    """Raise JobsError unless the connection to the cluster is local or encrypted."""
     expected = "tcp://127.0.0.1:PORT or tls://HOST:PORT"
     try:
         parts = urlsplit(address)

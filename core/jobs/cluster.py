@@ -38,7 +38,7 @@ def versions_here() -> dict[str, str]:
 
 
 def check_versions(expected: Versions, got: Versions, where: str) -> None:
-    """Raises JobsError, in one line with all differences, if a worker is not as we are."""
+    """Raise JobsError, in one line with all differences, if a worker has other versions."""
     wrong = [name for name, value in expected.items() if got.get(name) != value]
     if wrong:
         raise JobsError(
@@ -65,15 +65,15 @@ def _source_hash() -> str:
 
 
 CONNECT_S: Final = 10.0
-"""Within this time a scheduler takes a connection, or is not there."""
+"""Timeout of the connection to a scheduler, s."""
 ANSWER_S: Final = 60.0
-"""A busy one may take as long to answer."""
+"""Timeout of a scheduler's reply, s; it may be busy."""
 LOOK_EVERY_S: Final = 2.0
-"""How often it is asked for its workers."""
+"""Interval at which its workers are checked, s."""
 NO_WORKER_S: Final = 60.0
-"""So long there may be no worker: the first one is being started, or the last one again."""
+"""Longest time without any worker, s: the first may be starting, or the last restarting."""
 TELL_EVERY_S: Final = 0.5
-"""Of a piece that tells how far it is."""
+"""Shortest time between two progress reports of a task, s."""
 CERTIFICATES: Final = {
     "tls_ca_file": "DASK_DISTRIBUTED__COMM__TLS__CA_FILE",
     "tls_client_cert": "DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT",
@@ -85,13 +85,13 @@ R = TypeVar("R")
 
 
 class ClusterExecutor(Executor):
-    """Connected to a scheduler: checks that its workers are as we are, and notices when it is gone.
+    """Connection to a scheduler: checks the versions of its workers, and detects its loss.
 
     Raises:
         JobsError: if there is no such scheduler, certificates are missing, or workers have other versions.
     """
 
-    blames_one: Final = False  # the scheduler suspects all that waited at a worker that died
+    blames_one: Final = False  # the scheduler blames all tasks queued at a worker that died
 
     def __init__(self, address: str) -> None:
         self._address = address
@@ -123,11 +123,11 @@ class ClusterExecutor(Executor):
         return sum(list(self._shares.values()))
 
     def is_lost(self, error: BaseException) -> bool:
-        """Whether the workers of a piece died, as often as the scheduler lets them."""
+        """Whether a task failed because its workers died more often than the scheduler allows."""
         return isinstance(error, KilledWorker | MemoryError)
 
     def check(self) -> None:
-        """Raises JobsError if the scheduler is gone, or there has been no worker for a while."""
+        """Raise JobsError if the scheduler is gone, or there was no worker for NO_WORKER_S."""
         if self._client.status not in ("running", "connecting"):
             raise JobsError("the cluster's scheduler is gone", where=self._address, remedy=GONE)
         now = time.monotonic()
@@ -141,7 +141,7 @@ class ClusterExecutor(Executor):
             raise JobsError("the cluster has no workers", where=self._address, remedy=remedy)
 
     def check_file(self, path: Path) -> None:
-        """Raises JobsError if a worker does not see a file, or sees another one of that name."""
+        """Raise JobsError if a worker does not see a file, or sees a different one of that name."""
         size = path.stat().st_size
         sizes: dict[str, int | None] = self._client.run(_size, str(path))
         if blind := [worker for worker, found in sizes.items() if found != size]:
@@ -149,8 +149,8 @@ class ClusterExecutor(Executor):
             raise JobsError("a worker does not see this file", where=path, got=blind[0], remedy=remedy)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Leave the cluster. With `cancel_futures` nothing of ours goes on there."""
-        with suppress(Exception):  # the scheduler may be gone, and there is nothing left to do then
+        """Disconnect. With `cancel_futures` all our tasks are cancelled."""
+        with suppress(Exception):  # the scheduler may be gone already
             if self._client.status == "running":
                 if plugin_hashes():
                     self._client.unregister_worker_plugin(self._topic)
@@ -158,7 +158,7 @@ class ClusterExecutor(Executor):
         self._client.close(timeout=CONNECT_S)
 
     def _workers(self) -> dict[str, int]:
-        """Threads of each worker by its address."""
+        """Number of threads of each worker, by its address."""
         try:
             return self._client.sync(self._client.scheduler.ncores, callback_timeout=ANSWER_S)
         except (OSError, TimeoutError) as error:
@@ -183,7 +183,7 @@ class ClusterExecutor(Executor):
 
 
 class _Task:
-    """A piece's function on its way to a worker."""
+    """A task's function as sent to a worker."""
 
     def __init__(self, fn: Callable[..., Any], number: int, topic: str, versions: Versions) -> None:
         self._fn, self._number, self._topic, self._versions = fn, number, topic, versions
@@ -212,13 +212,13 @@ class _WorkerControl:
     def __init__(self, worker: Any, number: int, topic: str) -> None:
         self._worker, self._number, self._topic = worker, number, topic
         self._key = worker.get_current_task()
-        self._told_s = 0.0
+        self._reported_s = 0.0
 
     def __call__(self, share: float) -> None:
         now = time.monotonic()
-        if now - self._told_s < TELL_EVERY_S:
+        if now - self._reported_s < TELL_EVERY_S:
             return
-        self._told_s = now
+        self._reported_s = now
         if self.stopped():
             raise TasksStoppedError
         self._worker.log_event(self._topic, (self._number, share))
@@ -250,7 +250,7 @@ def _certificates() -> Security:
 
 
 def _be_quiet() -> None:
-    """What becomes of the connection is said by our errors."""
+    """Silence Dask's log messages about the connection; our errors report it."""
     for name in ["distributed", *logging.root.manager.loggerDict]:
         if name.split(".")[0] == "distributed":
             logging.getLogger(name).setLevel(logging.CRITICAL)
@@ -263,7 +263,7 @@ def _worker_facts(dask_worker: Any) -> tuple[dict[str, str], int]:
 
 
 def check_worker(expected: Versions, got: Versions, threads: int, worker: str) -> None:
-    """Raises JobsError unless a worker has our versions, and one thread: a piece's memory and threads are its own."""
+    """Raise JobsError unless a worker has our versions and one thread: a task needs its memory and threads alone."""
     check_versions(expected, got, f"worker {worker}")
     if threads != 1:
         remedy = "start more workers instead: `dask worker --nthreads 1 --nworkers N`"

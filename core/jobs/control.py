@@ -1,4 +1,4 @@
-"""What a piece of work is given beside itself: somebody to tell how far it is, and who says when nobody wants it."""
+"""Control of a task: it reports its progress, and is told to stop."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from typing import Protocol
 
 
 class TasksStoppedError(Exception):
-    """Nobody wants the answer any more."""
+    """The task was cancelled."""
 
 
 class TaskLostError(Exception):
-    """Every process that worked on a piece died, as often as one may."""
+    """All processes that worked on a task died, up to the allowed number."""
 
 
 class TaskControl(Protocol):
-    """Told by a piece, from time to time, how far it is."""
+    """Called by a task, from time to time, with its progress."""
 
     def __call__(self, share: float) -> None:
         """The share of the piece that is done, 0..1.
@@ -26,7 +26,7 @@ class TaskControl(Protocol):
         ...
 
     def stopped(self) -> bool:
-        """Whether nobody wants it any more; for work that asks instead."""
+        """Whether it was cancelled; for tasks that poll."""
         ...
 
 
@@ -38,7 +38,7 @@ class CallbackControl:
         self.stopped = stopped
 
     def __call__(self, share: float) -> None:
-        """Tell it, unless it is to stop."""
+        """Report the progress, unless it is cancelled."""
         if self.stopped():
             raise TasksStoppedError
         self._tell(share)

@@ -1,4 +1,4 @@
-"""Work on the pieces of a job, wherever it is done; what comes of it does not depend on where."""
+"""Running the tasks of a job on any backend, with equal results."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from core.jobs.control import CallbackControl, TaskControl, TasksStoppedError
 from core.jobs.local_executor import LocalExecutor
 
 LOOK_S: Final = 0.1
-"""How often the progress is told, and it is looked whether somebody has cancelled."""
+"""Interval of progress reports and checks for a cancel, s."""
 
 P = TypeVar("P")
 R = TypeVar("R")
 Work = Callable[[P, TaskControl], R]
-"""Of a module, or a frozen value with `__call__`: other processes are sent it, and each piece."""
+"""A function of a module, or a frozen value with `__call__`: it is pickled for other processes, with each task."""
 
 
 class TaskExecutor(Protocol):
@@ -32,11 +32,11 @@ class TaskExecutor(Protocol):
 
     @property
     def blames_one(self) -> bool:
-        """Whether of a process that died only the piece that it was working on is lost."""
+        """Whether the death of a process loses only the task it was working on."""
         ...
 
     def submit(self, fn: Callable[..., R], /, *args: object) -> Future[R]:
-        """Call `fn(*args, control)` somewhere."""
+        """Run `fn(*args, control)` on a worker."""
         ...
 
     def shares(self) -> float:
@@ -44,26 +44,26 @@ class TaskExecutor(Protocol):
         ...
 
     def check(self) -> None:
-        """Raises JobsError if what does the work is gone."""
+        """Raise JobsError if the backend is gone."""
         ...
 
     def is_lost(self, error: BaseException) -> bool:
-        """Whether a piece ended so because the processes that worked on it died."""
+        """Whether a task failed because the processes that worked on it died."""
         ...
 
     def check_file(self, path: Path) -> None:
-        """Raises JobsError if somebody who works does not see a file, or sees another."""
+        """Raise JobsError if a worker does not see a file, or sees a different one."""
         ...
 
 
 class Jobs:
-    """Works on batches of pieces, one batch at a time. Made by `open_jobs`."""
+    """Runs batches of tasks, one batch at a time. Made by `open_jobs`."""
 
     def __init__(self, executor: TaskExecutor | None) -> None:
         self._executor = executor
 
     def share_file(self, path: Path) -> Path:
-        """The absolute path of a file that all who work see.
+        """Absolute path of a file that all workers see.
 
         Raises:
             JobsError: if a worker of the cluster does not see it, or sees another.
@@ -74,7 +74,7 @@ class Jobs:
         return path
 
     def share_folder(self, folder: Path) -> Path:
-        """The absolute path of a folder, made if need be, that all who work see.
+        """Absolute path of a folder that all workers see; it is created if missing.
 
         Raises:
             JobsError: if a worker of the cluster does not see it, or nothing can be written there.
@@ -135,7 +135,7 @@ def open_jobs(engine: JobBackend, most: int) -> Iterator[Jobs]:
     executor = _open_executor(engine, most)
     try:
         yield Jobs(cast(TaskExecutor, executor))
-    except BaseException:  # Ctrl-C too: nobody waits for pieces that take minutes
+    except BaseException:  # Ctrl-C too: do not wait for tasks that take minutes
         executor.shutdown(wait=True, cancel_futures=True)
         raise
     executor.shutdown(wait=True)
@@ -145,7 +145,7 @@ def _open_executor(engine: JobBackend, most: int) -> Executor:
     if engine.cluster is None:
         return LocalExecutor(engine.processes(most))
     try:
-        from core.jobs.cluster import ClusterExecutor  # late: an extra, and it takes a second
+        from core.jobs.cluster import ClusterExecutor  # imported late: an optional dependency that takes a second
     except ImportError as error:
         raise CommandError("a cluster needs dask", remedy="pip install 'rallyscope[cluster]'") from error
     return ClusterExecutor(engine.cluster)
@@ -175,7 +175,7 @@ def _run_here(
 
 
 class _Batch:
-    """The pieces of one call of `run`."""
+    """The tasks of one call of `run`."""
 
     def __init__(self, executor: TaskExecutor, work: Work[P, R], pieces: Sequence[P], name: Callable[[P], str]) -> None:
         self._executor, self._work, self._pieces, self._name = executor, work, pieces, name
@@ -187,7 +187,7 @@ class _Batch:
     def run(self, done: Callable[[int, R], None], progress: Callable[[float], None], cancelled: Callable) -> list:
         count = len(self._pieces)
         self._finish(range(count), done, progress, cancelled)
-        if not self._executor.blames_one:  # the innocent are told apart by giving each another try, alone
+        if not self._executor.blames_one:  # find the failing task by running each again, alone
             suspects, self._lost = sorted(self._lost), []
             for number in suspects:
                 self._finish([number], done, progress, cancelled)
@@ -226,7 +226,7 @@ class _Batch:
         progress(self._shown)
 
     def _keep(self, number: int, future: Future) -> bool:
-        """Whether the piece has a result."""
+        """Store a task's result; whether it has one."""
         try:
             self._results[number] = future.result()
         except CancelledError as error:

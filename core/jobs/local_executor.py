@@ -27,11 +27,11 @@ logger = logging.getLogger(__name__)
 
 R = TypeVar("R")
 TRIES: Final = 3
-"""Of a piece whose process died: by a kill, or for want of memory."""
+"""Attempts at a task whose process was killed or ran out of memory."""
 
 
 class LocalExecutor(Executor):
-    """So many processes, each working on one piece at a time; they are started when they are first needed."""
+    """A number of processes, each running one task at a time; started on first use."""
 
     blames_one: Final = True
 
@@ -54,17 +54,17 @@ class LocalExecutor(Executor):
         return sum(slot.share.value for slot in self._slots)
 
     def check(self) -> None:
-        """Nothing that could be gone: a process that died is replaced."""
+        """Do nothing: a process that died is replaced."""
 
     def is_lost(self, error: BaseException) -> bool:
-        """Whether the processes of a piece died."""
+        """Whether a task failed because its processes died."""
         return isinstance(error, TaskLostError)
 
     def check_file(self, path: Path) -> None:
-        """All processes of a machine see the same."""
+        """Do nothing: all processes of a machine see the same files."""
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End it. With `cancel_futures` the processes are killed, whatever they are doing."""
+        """Shut down. With `cancel_futures` the processes are killed."""
         if cancel_futures:
             for slot in self._slots:
                 slot.kill()
@@ -92,7 +92,7 @@ class LocalExecutor(Executor):
 
 
 class _Slot:
-    """One process, or the one after it."""
+    """Slot of one process and its replacements."""
 
     def __init__(self) -> None:
         self._context = multiprocessing.get_context("spawn")  # a fork would copy the threads' locks
@@ -102,7 +102,7 @@ class _Slot:
         self._pool: ProcessPoolExecutor | None = None
 
     def submit(self, fn: Callable[..., R], *args: Any, **kwargs: Any) -> Future[R]:
-        with self._lock:  # a process that is being started is known to `kill`
+        with self._lock:  # `kill` knows a process that is just starting
             if self.killed:
                 raise CancelledError
             if self._pool is not None:
@@ -115,7 +115,7 @@ class _Slot:
             return self._pool.submit(_work, fn, *args, **kwargs)
 
     def kill(self) -> None:
-        """At once: a process that hangs, or was stopped, would not hear anything politer."""
+        """Kill at once: a hanging or stopped process ignores other signals."""
         with self._lock:
             self.killed = True
             processes = {} if self._pool is None else self._pool._processes  # as `kill_workers` of Python 3.14 does
@@ -128,21 +128,21 @@ class _Slot:
 
 
 _control: TaskControl | None = None
-"""Of a process: how far its piece is, seen by the parent."""
+"""Control of the task in this worker process; it reports the progress to the parent."""
 
 
 def _start_process(share: Any) -> None:
-    """A process leaves Ctrl-C to its parent, and ends when that has ended, even killed in the middle of a piece."""
+    """Initialise a process: it ignores Ctrl-C, and ends with its parent, even in the middle of a task."""
     global _control
 
     def tell(value: float) -> None:
         share.value = value
 
-    _control = CallbackControl(tell, lambda: False)  # who does not want it any more kills it
+    _control = CallbackControl(tell, lambda: False)  # a cancelled task is killed
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     end_with_parent()
     use_one_thread()
-    load_plugin_files()  # a piece may hold what a plugin made, and is unpacked after this
+    load_plugin_files()  # a task may contain objects of a plugin and is unpickled after this
 
 
 def _work(fn: Callable[..., R], *args: Any, **kwargs: Any) -> R:

@@ -1,4 +1,4 @@
-"""One thread for each process that works on pieces, and for a while of torch: every core has its process already."""
+"""One thread per worker process, also for torch: every core has its process already."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ VARIABLES: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 
 @functools.cache
 def use_one_thread() -> None:
-    """From now on BLAS, OpenMP, torch and numba compute with one thread in this process, loaded already or later."""
+    """Limit BLAS, OpenMP, torch and numba to one thread in this process, loaded already or later."""
     os.environ.update(dict.fromkeys(VARIABLES, "1"))
     if "numba" not in sys.modules:
         os.environ["NUMBA_NUM_THREADS"] = "1"
@@ -30,7 +30,7 @@ def use_one_thread() -> None:
 
 @contextmanager
 def one_torch_thread() -> Iterator[None]:
-    """Inside, torch (loaded by whoever uses it) computes in the calling thread: sums in one order, all time counted."""
+    """Context in which torch computes in the calling thread: a fixed order of sums, and all its time is counted."""
     torch = sys.modules["torch"]
     threads = torch.get_num_threads()
     torch.set_num_threads(1)

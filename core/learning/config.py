@@ -1,4 +1,4 @@
-"""Everything that a training run can be told: the task, the agent, the reward, the replay rule, the curriculum.
+"""Settings of a training run: the task, the agent, the reward, the replay rule, the curriculum.
 
 What the paper leaves open is a field here, with our choice as its default; the whole of it lands in the run's folder.
 """
@@ -21,9 +21,9 @@ StateKind = Literal["plain", "spin"]
 RacketSpeedRule = Literal["table", "chosen"]
 OutcomeSource = Literal["told", "events"]
 CHOSEN_MPS: Final = (0.0, 4.5)
-"""Racket speeds along +x from which a policy chooses; the built-in controller's are -2.5 to 4.5."""
+"""Range of racket speeds along +x that a policy can choose; the built-in controller's is -2.5 to 4.5."""
 SPINNING_RADPS: Final = 100.0
-"""Largest spin about each axis of serves that are called spinning."""
+"""Largest spin about each axis of spinning serves."""
 ReplayRule = Literal["threshold", "discard", "retain"]
 HeadName = Literal["free", "flight", "impact", "process", "reflection"]
 WITHOUT_NETWORKS: Final[tuple[HeadName, ...]] = ("process", "reflection")
@@ -53,22 +53,22 @@ class GoalConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimingConfig:
-    """When a ball is seen and the stroke decided, and how its points err: as before event cameras, not rendered."""
+    """Timing and point errors of a modelled perception by event cameras, without rendering."""
 
     predictor: Literal["filter", "paper"] = "filter"
     """The chain's filter, or the paper's five points; both detect the bounce."""
     window_ms: float = setting(2.0, 0.5, 10.0)
-    """A point in space every so often."""
+    """Interval between two points."""
     block_ms: float = setting(10.0, 1.0, 50.0)
-    """Points are known at the end of such a block: the delay of perception."""
+    """Points are available at the end of a block of this length: the delay of perception."""
     lead_ms: float = setting(50.0, 10.0, 200.0)
-    """The stroke is decided at the first block after which less is left until the ball is there."""
+    """The stroke is decided at the first block with less time than this left until the ball arrives."""
     first_seen_ms: float = setting(18.0, 0.0, 200.0)
-    """Nothing is seen before so long after the launch (measured, as what follows: `rallyscope bench state-errors`)."""
+    """A ball is first seen this long after the launch (measured, as what follows: `rallyscope bench state-errors`)."""
     seen_from_x_m: float = setting(1.12, -1.4, 3.0)
-    """Nor farther away from the robot than here, where the cameras do not look."""
+    """A ball is seen only nearer to the robot than this: the cameras' field of view."""
     error_scale: float = setting(1.0, 0.0, 50.0)
-    """Times the measured errors of points (`point_errors.MEASURED`)."""
+    """Factor on the measured errors of points (`point_errors.MEASURED`)."""
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -76,7 +76,7 @@ class TimingConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EnvironmentConfig:
-    """One episode: one serve, seen somehow, one racket orientation, one outcome."""
+    """Settings of an episode: one serve, its perception, one racket orientation, one outcome."""
 
     task: TaskConfig = field(default_factory=TaskConfig)
     goal: GoalConfig = field(default_factory=GoalConfig)
@@ -85,28 +85,29 @@ class EnvironmentConfig:
     err as those of event cameras until the decision, or the whole chain of event cameras. Except for `truth`, the
     racket goes where the ball is expected and may miss it."""
     state: StateKind = "plain"
-    """What the learner knows of a ball: p_c and v_c as in the paper, or with them the estimated spin and its standard
+    """State of a ball for the learner: p_c and v_c as in the paper, or with them the estimated spin and its standard
     deviations."""
     outcomes: OutcomeSource = "told"
-    """Who says what came of a stroke, and how fast the serve was: the simulation, or with states from `events` the
-    cameras themselves."""
+    """Source of the outcome of a stroke and the serve's speed: the simulation, or with states from `events` the cameras
+    themselves."""
     position_noise_m: float = setting(0.005, 0.0, 0.1)
     """Standard deviation per axis of `truth+noise`."""
     velocity_noise: float = setting(0.01, 0.0, 0.2)
     """Standard deviation per axis of `truth+noise`, as a share of the speed."""
     racket: RacketSpeedRule = "table"
-    """How fast the racket moves towards a ball: by the task's table for the ball's speed, as in the paper's task, or
+    """Speed of the racket towards a ball: by the task's table for the ball's speed, as in the paper's task, or
     chosen for every ball as a fourth part of the action."""
     spin_noise_radps: float = setting(10.0, 0.0, 200.0)
-    """Of `truth+noise` with the state `spin`: each ball's standard deviation per axis is drawn up to twice this."""
+    """Spin noise of `truth+noise` with the state `spin`: each ball's standard deviation per axis is drawn up to twice
+    this."""
     timing: TimingConfig = field(default_factory=TimingConfig)
-    """Of `timed`."""
+    """Settings of the state source `timed`."""
     recorded: str = ""
     """A file of recorded ball states, or a folder of such files, to take the balls from; empty: serves are drawn."""
     actuator_error_deg: float = setting(0.0, 0.0, 5.0)
-    """Standard deviation of each angle that the racket really takes, anew per stroke; the learner does not see it."""
+    """Standard deviation of each angle's actuator error, redrawn per stroke; unknown to the learner."""
     actuator_bias_deg: float = setting(0.0, -5.0, 5.0)
-    """A constant error of every angle."""
+    """Constant error of every angle."""
     engine: Literal["closed-form", "mujoco"] = "closed-form"
     """Which simulator plays the strokes; both give the same outcomes."""
     step_s: float = setting(0.01, 0.0005, 0.05)
@@ -145,9 +146,9 @@ class ExplorationConfig:
     """Noise on the action while training: N(0, eta), eta = max(smallest, scale decay^n), n the episode of a stage."""
 
     scale: float = setting(0.1, 0.0, 1.0)
-    """Of the action range [-1, 1] (choice)."""
+    """Standard deviation in units of the action range [-1, 1] (choice)."""
     decay: float = setting(0.995, 0.9, 1.0)
-    """Per episode (choice)."""
+    """Decay factor per episode (choice)."""
     smallest: float = setting(0.02, 0.0, 1.0)
     """eta_min (choice)."""
     random_episodes: int = setting(0, 0, 500)
@@ -157,7 +158,7 @@ class ExplorationConfig:
         check_settings(self)
 
     def noise_at(self, n: int) -> float:
-        """eta."""
+        """Standard deviation eta of the noise."""
         return max(self.smallest, self.scale * self.decay**n)
 
 
@@ -168,13 +169,13 @@ class CurriculumConfig:
     speeds_mps: tuple[float, ...] = (3.0, 5.0)
     """One stage each (paper)."""
     episodes: tuple[int, ...] = (800, 900)
-    """Of each stage, or the most of them if it advances on convergence (paper)."""
+    """Episodes of each stage; the most of them if it advances on convergence (paper)."""
     advance: Literal["episodes", "converged"] = "episodes"
-    """Go on after the episodes of the stage, or as soon as enough balls come back."""
+    """Advance after the stage's episodes, or as soon as enough balls are returned."""
     converged_rate: float = setting(0.98, 0.5, 1.0)
     """Return rate that ends a stage."""
     converged_window: int = setting(100, 10, 1000)
-    """Over how many episodes."""
+    """Number of episodes over which the rate is measured."""
     replay: ReplayRule = "threshold"
     """What a new stage keeps of the replay buffer: rewards of at least `keep_reward` (paper), nothing, everything."""
     keep_reward: float = setting(1.0, -10.0, 10.0)
@@ -220,7 +221,7 @@ class DdpgConfig:
     target: Literal["terminal", "bootstrap"] = "terminal"
     """Critic's target: y = r, as an episode has one action, or the paper's equation with a discounted next value."""
     discount: float = setting(0.9, 0.0, 1.0)
-    """Of `bootstrap`."""
+    """Discount factor of `bootstrap`."""
     tau: float = setting(0.005, 0.0001, 1.0)
     """Share by which the target networks of `bootstrap` follow."""
     twin_critics: bool = False
@@ -246,7 +247,7 @@ class LandingModelConfig:
     updates_per_episode: int = setting(32, 1, 256)
     """In the first `full_episodes` of a stage."""
     full_episodes: int = setting(100, 1, 100_000)
-    """After them the updates fall as 1 / episode, to no fewer than `fewest_updates`."""
+    """Episodes after which the updates fall as 1 / episode, down to `fewest_updates`."""
     fewest_updates: int = setting(4, 1, 256)
     net_margin_m: float = setting(0.02, 0.0, 0.3)
     """Predicted clearance over the net that the actor keeps."""
@@ -260,7 +261,7 @@ class LandingModelConfig:
     `process` and `reflection` have no networks, and their actor is solved for: a Gaussian process learns the velocity
     after the stroke, or the law of reflection is given and its numbers are fitted, for states that are noisy."""
     privileged: bool = False
-    """Learn also from what a simulator alone knows: where a ball would have landed without net and table."""
+    """Also learn from simulator-only data: where a ball would have landed without net and table."""
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -340,7 +341,7 @@ def spinning_environment(environment: EnvironmentConfig, most_radps: float = SPI
 
 
 def default_run(agent: AgentName = "ddpg") -> RunConfig:
-    """What `rallyscope train --agent ...` does when nothing else is said: the paper's run for its agent, and for all
+    """Default run of `rallyscope train --agent ...`: the paper's run for its agent, and for all
     others 5 m/s with the true state, which compares them.
     """
     if agent == "ddpg":

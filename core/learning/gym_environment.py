@@ -29,9 +29,9 @@ RETURN_ID = "Rallyscope/Return-v0"
 ENVIRONMENT_ID = "rallyscope/OneStepReturn-v0"
 """Its earlier name, which stays."""
 WIDEST = 10.0
-"""Of an observation; `normal_states` clips there."""
+"""Bound of an observation; `normal_states` clips there."""
 BATCH = 256
-"""Balls dealt at a time."""
+"""Balls drawn at a time."""
 
 
 class OneStepReturn(gymnasium.Env[Floats, Floats]):
@@ -62,9 +62,9 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         self.speed_mps = speed_mps
         self.observation_space, self.action_space = spaces_of(self.environment)
         self.episodes = 0
-        """Begun so far; the time-weighted reward counts them."""
+        """Number of episodes so far, which the time-weighted reward depends on."""
         self.outcome: Outcomes | None = None
-        """Of the last episode."""
+        """Outcome of the last episode."""
         self._backend = backend or ClosedFormBackend(self.environment)
         self._fixed = deliveries
         self._dealt = deliveries
@@ -88,7 +88,7 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         return observations_of(self._now)[0], {}
 
     def step(self, action: Floats) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
-        """Play the stroke; the next observation is the ball's own again, as nothing follows.
+        """Play the stroke; the next observation is the same ball's, as the episode ends.
 
         Raises:
             ResetNeeded: before the first `reset`, and after the end of an episode.
@@ -114,7 +114,7 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         return observations_of(now)[0], reward, True, False, info
 
     def close(self) -> None:
-        """Let go of the place where balls are played."""
+        """Close the backend."""
         self._backend.close()
 
 

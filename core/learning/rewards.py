@@ -1,4 +1,4 @@
-"""The rewards by name: what an outcome is worth. Ours are the paper's case-dependent temporally adaptive reward (CDTA)
+"""Registry of rewards, and ours. Ours are the paper's case-dependent temporally adaptive reward (CDTA)
 and its two rivals.
 
 The paper defines its distances in a figure only; ours are choices: d from the landing point to the target, d2 from the
@@ -36,7 +36,7 @@ class Weights:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StrokeResults:
-    """What N strokes came to, and what they were to come to."""
+    """Outcomes and targets of N strokes."""
 
     case: NDArray[np.integer]
     """(N,) a `Case` each."""
@@ -138,7 +138,7 @@ class RewardConfig:
     registered: Sections = open_sections(
         REWARDS.view(lambda one: one.config or object, where=lambda one: one.config is not None, key=section_name)
     )
-    """Of each other reward that is registered and has settings of its own: a section of its name."""
+    """Settings of each other registered reward that has some: a section of its name."""
 
     def __post_init__(self) -> None:
         check_settings(self)

@@ -33,22 +33,23 @@ from core.simulation.event_cameras.event_camera import BLOCK_US
 logger = logging.getLogger(__name__)
 
 PATIENCE_S: Final = 1.0
-"""A camera that sends, but does not come past the end of a block, is waited for so long, then not until it does."""
+"""Longest wait for a camera that sends but has not reached the end of a block; then it is not waited for until it
+has."""
 WAIT_S: Final = 0.02
 SETTLE_US: Final = 1_000_000
 """Clocks are watched for so long before the session begins; then the shifts between them are known."""
 BEHIND_US: Final = 5_000_000
-"""If so much waits to be told, the oldest blocks are skipped."""
+"""Backlog from which the oldest blocks are skipped."""
 RESTING_US: Final = 100_000
-"""Of the past is kept while nobody listens."""
+"""Length of the past that is kept while there is no listener."""
 
 _Ends = list[int | None]
-"""Where a block ends on each camera's clock; None where that is not known."""
+"""End of a block on each camera's clock; None if unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class CameraReport:
-    """How one camera is doing."""
+    """Status of one camera."""
 
     name: str
     serial: str
@@ -56,10 +57,10 @@ class CameraReport:
     counts: FeedCounts
     rate_hz: float
     clock: ClockEstimate | None
-    """Against this machine's."""
+    """Its clock against this machine's."""
     clock_restarts: int
     problem: str
-    """Why it is gone; empty while it is there."""
+    """Why it was lost; empty while it is there."""
 
 
 class CameraSource:
@@ -93,7 +94,7 @@ class CameraSource:
         self.state: m.WorldState | None = None
         self.cable = cable
         self.blocks_skipped = 0
-        """Because whoever listens was too slow."""
+        """Blocks skipped because a listener was too slow."""
         self._calibration, self._longest_us, self._behind_us = dict(calibration or {}), longest_us, behind_us
         self._changed, self._telling = threading.Condition(), threading.RLock()
         self._feeds = [CameraFeed(name, device, self._changed) for name, device in devices.items()]
@@ -101,11 +102,11 @@ class CameraSource:
             ClockShift() if cable else ClockShift(feed.clock, self._feeds[0].clock) for feed in self._feeds[1:]
         ]
         self._taken_us: list[int | None] = [None] * len(self._feeds)
-        """On each camera's clock, where its last block ended; None if it was missing in that."""
+        """End of the last block on each camera's clock; None if it was missing."""
         self._waited_s = [0.0] * len(self._feeds)
-        """For each camera, since it last was past the end of a block."""
+        """Time since each camera was last past the end of a block, s."""
         self._zero_us: int | None = None
-        """What the first camera's clock showed at the session's 0."""
+        """First camera's clock at the session's time 0."""
         self._listeners = LinkListeners()
         self._listening, self._stop, self._recalibrated = True, False, False
         self._seq = self._block = 0
@@ -115,7 +116,7 @@ class CameraSource:
 
     @property
     def status(self) -> SourceStatus:
-        """Lost when the last camera is."""
+        """Connection status: lost when all cameras are."""
         gone = all(feed.problem is not None for feed in self._feeds)
         return "lost" if gone or not self._thread.is_alive() else "connected"
 
@@ -125,7 +126,7 @@ class CameraSource:
         return {feed.name: feed.device for feed in self._feeds}
 
     def reports(self) -> tuple[CameraReport, ...]:
-        """How the cameras are doing."""
+        """Status of the cameras."""
         return tuple(
             CameraReport(
                 feed.name, feed.device.serial, feed.device.model.name, feed.counts, feed.rate_hz,
@@ -135,29 +136,29 @@ class CameraSource:
         )  # fmt: skip
 
     def recalibrate(self, cameras: Mapping[str, Camera]) -> None:
-        """These are its cameras from now on: a new session begins with the next block. Others stay as they are."""
+        """Replace calibrations; a new session begins with the next block. Other cameras are unchanged."""
         with self._telling:
             self._calibration |= dict(cameras)
             self._recalibrated = True
 
     def add_listener(self, listener: LinkListener) -> None:
-        """From now on; it hears of the present session at once."""
+        """Add a listener; it gets the present session at once."""
         with self._telling:
             self._listeners.add(listener, self.welcome)
 
     def remove_listener(self, listener: LinkListener) -> None:
-        """It hears nothing after this."""
+        """Remove a listener."""
         with self._telling:
             self._listeners.remove(listener)
 
     def listen(self, listening: bool) -> None:
-        """Tell what the cameras see, or forget it."""
+        """Publish the cameras' events, or drop them."""
         with self._changed:
             self._listening = listening
             self._changed.notify_all()
 
     def close(self) -> None:
-        """End the threads and close the cameras."""
+        """Stop the threads and close the cameras."""
         with self._changed:
             self._stop = True
             self._changed.notify_all()
@@ -178,7 +179,7 @@ class CameraSource:
             logger.exception("the cameras cannot be followed")
 
     def _wait(self) -> _Ends | None:
-        """Where the next block ends on each camera's clock, if it can be told; otherwise ask again, soon."""
+        """End of the next block on each camera's clock, if it is complete; else call again soon."""
         if not (self._listening and self._listeners):
             for feed in self._feeds:
                 feed.forget(feed.complete_us - RESTING_US)
@@ -186,8 +187,8 @@ class CameraSource:
             self._changed.wait(WAIT_S)
             return None
         if self._zero_us is None and not self._begin():
-            heard = any(feed.since_us is not None for feed in self._feeds)
-            self._wait_for([heard] * len(self._feeds))
+            any_started = any(feed.since_us is not None for feed in self._feeds)
+            self._wait_for([any_started] * len(self._feeds))
             return None
         ends_us = self._skip(self._ends_us())
         if self.status == "lost":
@@ -255,7 +256,7 @@ class CameraSource:
         return (time.monotonic() - PATIENCE_S) * 1e6 > estimate.host_us(end_us)
 
     def _skip(self, ends_us: _Ends) -> _Ends:
-        """Leave out blocks that could not be told in time."""
+        """Skip blocks that could not be published in time."""
         known = zip(self._feeds, ends_us, strict=True)
         waits_us = min((feed.complete_us - end_us for feed, end_us in known if end_us is not None), default=0)
         if waits_us <= self._behind_us:
@@ -315,13 +316,13 @@ class CameraSource:
 
 
 def _is_settled(feed: CameraFeed) -> bool:
-    """Whether its clock is known as well as it will be before long."""
+    """Whether its clock is known well enough."""
     estimate = feed.clock.estimate
     return estimate is not None and (estimate.span_us >= SETTLE_US or not feed.awaited)
 
 
 def _shifted(events: Events, shift_us: int, start_us: int) -> Events:
-    """On the session's clock, not before `start_us`: the shift may have shrunk a little since the last block."""
+    """Times on the session's clock, at least `start_us`, as the shift may have shrunk since the last block."""
     rows = slice(0, m.MAX_EVENTS)
     t_us = np.maximum(events.t_us[rows] + shift_us, start_us)
     return Events.from_columns(t_us, events.x_px[rows], events.y_px[rows], events.on[rows], events.sensor)

@@ -1,4 +1,4 @@
-"""Sends racket commands over the link from a thread of its own: an answer takes up to two blocks, a step must not wait.
+"""Sends racket commands over the link from a thread of its own, as a reply takes up to two blocks.
 
 Only the newest command waits to be sent; one that it replaces, or whose impact is over, counts as late.
 """
@@ -19,14 +19,14 @@ logger = logging.getLogger(__name__)
 
 
 class QueuedCommand(NamedTuple):
-    """A decision on its way to the racket."""
+    """A decision to be sent to the racket."""
 
     session: str
     decision: RacketDecision
     window_s: float
-    """When its window ended on the monotonic clock; NaN if it cannot be said, as while the simulation is stepped."""
+    """End of its window on the monotonic clock, s; NaN if unknown, as while the simulation is stepped."""
     arrived_s: float
-    """When the block came, monotonic."""
+    """Arrival of the block on the monotonic clock, s."""
 
 
 class CommandSender:
@@ -42,18 +42,18 @@ class CommandSender:
         self._thread.start()
 
     def begin_session(self, meter: LiveMeter) -> None:
-        """Count into another meter; what waits is of a session that is over."""
+        """Use a new meter; a queued command of the old session is dropped."""
         with self._changed:
             self._meter, self._order = meter, None
 
     def put(self, order: QueuedCommand) -> None:
-        """Send this next."""
+        """Send this command next."""
         with self._changed:
             self._order = order
             self._changed.notify()
 
     def close(self) -> None:
-        """End the thread; waits for an answer that is due."""
+        """Stop the thread; waits for a pending reply."""
         with self._changed:
             self._stop = True
             self._changed.notify()

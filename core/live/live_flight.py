@@ -1,4 +1,4 @@
-"""What a live player remembers of the rally: the flight that is being seen, the racket, the balls that are over."""
+"""State of the rally in a live player: current flight, racket, finished balls."""
 
 from __future__ import annotations
 
@@ -63,13 +63,13 @@ class LiveFlight:
         self._newest: Prediction | None = None
 
     def blocks_missing(self, state: m.WorldState) -> int:
-        """How many blocks were lost between the last one and this."""
+        """Number of blocks lost between the last one and this."""
         if self._first_t_us is None:
             return 0
         return max(0, (state.start_us - self._t_us) // max(1, state.t_us - state.start_us))
 
     def see(self, state: m.WorldState) -> None:
-        """A block is over."""
+        """Update with the state at a block's end."""
         self._first_t_us = state.start_us if self._first_t_us is None else self._first_t_us
         self._t_us, self._phase = state.t_us, state.phase
         self._racket, self._ball = pose_of(state) or self._racket, true_ball_of(state)
@@ -93,7 +93,7 @@ class LiveFlight:
         return decision
 
     def finish(self, outcome: m.OutcomeNotice, goal_m: Array) -> FinishedBall:
-        """What came of a ball."""
+        """Add the outcome of a ball."""
         last = self._last_decision
         decided = last if last is not None and outcome.serve_us <= last.t_us <= outcome.t_us else None
         self._played += 1
@@ -121,7 +121,7 @@ class LiveFlight:
         problem: str,
         learned: LearnedConstants | None = None,
     ) -> RallySnapshot:
-        """All of it, frozen."""
+        """Frozen snapshot."""
         return RallySnapshot(
             number=number,
             session=session,

@@ -1,4 +1,4 @@
-"""How a live player is doing: steps per second, share of a core, latencies."""
+"""Performance of a live player: steps per second, share of a core, latencies."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def percentiles(values_ms: deque[float]) -> Percentiles:
 
 
 class LiveMeter:
-    """Counts. One thread writes each of them; reading a little late does no harm."""
+    """Counters, each written by one thread; slightly late reads are harmless."""
 
     def __init__(self) -> None:
         self._step_ms: deque[float] = deque(maxlen=SAMPLES)

@@ -1,4 +1,4 @@
-"""The brain of a live rally: hears the source, follows the ball with the chain, sends the racket if there is one.
+"""Player of a live rally: runs the chain on a source's events, and commands the racket if there is one.
 
 It works on a thread of its own, so that neither the link nor a picture waits for it. Blocks that it cannot follow are
 dropped, the oldest first, and counted. It survives the end of a session and goes on with the next one.
@@ -41,13 +41,13 @@ NOBODY: Final = "nothing has been heard of the source yet"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LivePlayerConfig:
-    """How the live rally is followed."""
+    """Settings of the live player."""
 
     chain: ChainConfig = field(default_factory=ChainConfig)
     window_us: int = setting(2000, 200, 10_000)
     """Length of a window of events, a whole part of a block."""
-    told: bool = False
-    """Whether chain and controller are told the physics that a simulated source knows; otherwise they find out."""
+    knows_physics: bool = False
+    """Whether chain and controller get the simulation's exact physics; otherwise they learn it."""
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -63,9 +63,9 @@ class _ReceivedBlock:
     state: m.WorldState
     batches: tuple[m.EventBatch, ...]
     arrived_s: float
-    """Monotonic."""
+    """Arrival on the monotonic clock, s."""
     late_s: float
-    """From the sender's clock to its arrival; only on one machine does that mean anything."""
+    """Delay from the sender's clock to its arrival; meaningful only on one machine."""
 
 
 _Item = m.Reply | _ReceivedBlock | m.Notice
@@ -74,7 +74,7 @@ BallListener = Callable[[FinishedBall], None]
 
 
 class LivePlayer:
-    """Plays the rally of a source until it is closed. All methods may be called from any thread."""
+    """Plays the rally of a source until it is closed. Thread-safe."""
 
     def __init__(
         self,
@@ -88,14 +88,14 @@ class LivePlayer:
         self._source = source
         self._physics = source.physics
         self._config = config or LivePlayerConfig()
-        self._controller = self._told(controller or BuiltInController())
+        self._controller = self._with_physics(controller or BuiltInController())
         self._new_config = False
         self._latency: CommandLatency | None = None
         self._playing = playing and source.robot is not None
         self._changed = threading.Condition()
         self._waiting: deque[_Item] = deque()
         self._blocks_waiting = 0
-        self._just_dropped = 0  # between the block that was played last and the one that is next
+        self._just_dropped = 0  # dropped between the last block played and the next one
         self._stop = False
         self._pending: dict[int, list[m.EventBatch]] = {}  # the link's thread only
         self._session, self._cameras = "", {}
@@ -114,12 +114,12 @@ class LivePlayer:
 
     @property
     def snapshot(self) -> RallySnapshot:
-        """The newest; a new one comes with every block, a hundred times per simulated second."""
+        """Newest snapshot; there is one per block, a hundred per simulated second."""
         return self._snapshot
 
     @property
     def controller(self) -> LiveController:
-        """Who decides on the strokes."""
+        """Current controller."""
         return self._controller
 
     @property
@@ -133,11 +133,11 @@ class LivePlayer:
         return self._playing
 
     def use(self, controller: LiveController) -> None:
-        """Let another controller decide, from the next block on; it is told of the physics what the player is told."""
-        self._controller = self._told(controller)
+        """Use another controller from the next block on; it gets the same knowledge of the physics as the player."""
+        self._controller = self._with_physics(controller)
 
     def aim_at(self, goal_m: tuple[float, float]) -> None:
-        """Let the present controller send the balls elsewhere.
+        """Change the landing target of the controller.
 
         Raises:
             ConfigError: if it cannot aim there.
@@ -150,7 +150,7 @@ class LivePlayer:
         return self._latency
 
     def lead_by(self, latency: CommandLatency) -> None:
-        """The racket is so late: tell it so much earlier when to be there, from the next block on."""
+        """Set the racket's latency, by which commands are sent earlier, from the next block on."""
         self._latency = latency
 
     def configure(self, config: LivePlayerConfig) -> None:
@@ -159,27 +159,29 @@ class LivePlayer:
             self._config, self._new_config = config, True
 
     def play(self, playing: bool) -> None:
-        """Send commands, or only watch; without a robot there is nothing else."""
+        """Send commands, or only watch; without a robot it only watches."""
         self._playing = playing and self._source.robot is not None
 
     def add_listener(self, listener: StateListener) -> None:
-        """Hear of every new prediction in the player's thread: session, state, and the decision if one was sent."""
+        """Add a listener for every new prediction, called in the player's thread: session, state, and the decision if
+        one was sent.
+        """
         self._listeners = (*self._listeners, listener)
 
     def add_step_listener(self, listener: StateListener) -> None:
-        """Hear of every step, also of one without a new prediction."""
+        """Add a listener for every step, also without a new prediction."""
         self._step_listeners = (*self._step_listeners, listener)
 
     def add_ball_listener(self, listener: BallListener) -> None:
-        """Hear in the player's thread what came of each ball, where the source tells it."""
+        """Add a listener for outcomes of balls, if the source reports them; called in the player's thread."""
         self._ball_listeners = (*self._ball_listeners, listener)
 
     def remove_listener(self, listener: StateListener) -> None:
-        """Hear no more."""
+        """Remove a listener."""
         self._listeners = tuple(one for one in self._listeners if one != listener)
 
     def close(self) -> None:
-        """End the threads. The source stays open."""
+        """Stop the threads. The source stays open."""
         with self._changed:
             self._stop = True
             self._changed.notify()
@@ -188,10 +190,10 @@ class LivePlayer:
         if self._sender is not None:
             self._sender.close()
 
-    # What the link says, in its thread: only put into the queue.
+    # Callbacks of the link, in its thread: they only queue.
 
     def on_session(self, welcome: m.Reply) -> None:
-        """Begin anew: what waits is of a session that is over."""
+        """Reset for a new session; queued blocks are dropped."""
         with self._changed:
             self._pending.clear()
             self._waiting.clear()
@@ -218,7 +220,7 @@ class LivePlayer:
             self._changed.notify()
 
     def on_notice(self, notice: m.Notice) -> None:
-        """In its place among the blocks."""
+        """Queue a notice in order with the blocks."""
         with self._changed:
             self._waiting.append(notice)
             self._changed.notify()
@@ -261,7 +263,7 @@ class LivePlayer:
             self._publish()
 
     def _warm_up(self) -> None:
-        """Before anything is heard, so that no block has to wait for it."""
+        """Load compiled code before the first block."""
         try:
             cameras = self._source.welcome.calibrated()
             warm_up(
@@ -276,7 +278,7 @@ class LivePlayer:
         if self._sender is not None:
             self._sender.begin_session(self._meter)
         self._physics = self._source.physics
-        self._controller = self._told(self._controller)
+        self._controller = self._with_physics(self._controller)
         try:
             self._cameras = welcome.calibrated()
         except LinkError as error:
@@ -292,17 +294,17 @@ class LivePlayer:
             self._problem = str(error)
 
     def _chain_config(self) -> ChainConfig:
-        """Its filter finds out how balls fly, unless it is to be told and somebody knows."""
-        physics = self._physics if self._config.told else None
+        """Chain config: with the known physics if `knows_physics`, else it learns them."""
+        physics = self._physics if self._config.knows_physics else None
         return self._config.chain if physics is None else chain_for_physics(self._config.chain, physics)
 
-    def _told(self, controller: LiveController) -> LiveController:
+    def _with_physics(self, controller: LiveController) -> LiveController:
         physics = self._physics or PhysicsConfig()
-        return controller.for_physics(physics if self._config.told else expected_physics(physics))
+        return controller.for_physics(physics if self._config.knows_physics else expected_physics(physics))
 
-    def _play(self, heard: _ReceivedBlock, counted: int) -> None:
-        """Follow a block; of those that are missing before it, `counted` were dropped here, the others never came."""
-        state, player = heard.state, self._player
+    def _play(self, block: _ReceivedBlock, counted: int) -> None:
+        """Process a block; of the missing blocks before it, `counted` were dropped here, the others never came."""
+        state, player = block.state, self._player
         if state.session != self._session:
             return
         self._meter.dropped += max(0, self._flight.blocks_missing(state) - counted)
@@ -313,33 +315,33 @@ class LivePlayer:
         if self._latency is not None:
             player.lead_by(self._latency)
         try:
-            events = {batch.camera: batch.events() for batch in heard.batches if batch.camera in self._cameras}
+            events = {batch.camera: batch.events() for batch in block.batches if batch.camera in self._cameras}
         except LinkError as error:
             self._meter.dropped += 1
             self._problem = str(error)
             return
         for windows in block_windows(events, state.start_us, state.t_us, self._config.window_us) if events else ():
-            self._follow(player.step(windows), heard)
+            self._follow(player.step(windows), block)
         self._meter.note_block()
 
-    def _follow(self, state: PlayerState, heard: _ReceivedBlock) -> None:
+    def _follow(self, state: PlayerState, block: _ReceivedBlock) -> None:
         self._meter.note_step(state.chain.seconds.total + state.control_s)
         playing = self._playing
         decision = self._flight.follow(state, playing=playing)
         if decision is not None and playing and self._sender is not None:
-            self._sender.put(self._order(decision, heard))
+            self._sender.put(self._order(decision, block))
         for listener in self._step_listeners:
             listener(self._session, state, decision)
         if state.chain.is_new:
             for listener in self._listeners:
                 listener(self._session, state, decision if playing else None)
 
-    def _order(self, decision: RacketDecision, heard: _ReceivedBlock) -> QueuedCommand:
-        state = heard.state
+    def _order(self, decision: RacketDecision, block: _ReceivedBlock) -> QueuedCommand:
+        state = block.state
         speed = state.speed_factor * state.kept_share
         rest_s = (state.t_us - decision.t_us) * 1e-6 / speed if speed else 0.0
-        window_s = float("nan") if state.paused else heard.arrived_s - heard.late_s - rest_s
-        return QueuedCommand(self._session, decision, window_s, heard.arrived_s)
+        window_s = float("nan") if state.paused else block.arrived_s - block.late_s - rest_s
+        return QueuedCommand(self._session, decision, window_s, block.arrived_s)
 
     def _publish(self) -> None:
         learned = None if self._player is None else self._player.chain.learned

@@ -1,4 +1,4 @@
-"""What a live player knows at one moment, frozen: made once per block by its thread, read by whoever draws."""
+"""Frozen state of a live player, made once per block by its thread."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class RacketPose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrueBall:
-    """The ball as the simulation has it."""
+    """True state of the simulated ball."""
 
     t_us: int
     p_world_m: Array
@@ -44,19 +44,19 @@ class FinishedBall:
     t_us: int
     serve_us: int
     speed_mps: float
-    """Of the serve."""
+    """Speed of the serve, m/s."""
     case: Case
     landing_m: Array
     """(2,) where it came down to the table's plane; NaN if it did not."""
     goal_m: Array
-    """(2,) where it was to land."""
+    """(2,) landing target."""
     net_z_m: float
     decision: RacketDecision | None
-    """The last one sent for it; None if there was none."""
+    """Last decision sent for it; None if there was none."""
 
     @property
     def returned(self) -> bool:
-        """Whether it came down on the opponent's half first."""
+        """Whether it landed on the opponent's half first."""
         return self.case == Case.RETURNED
 
     @property
@@ -75,31 +75,31 @@ class Percentiles:
 
 @dataclass(frozen=True, slots=True)
 class PlayerHealth:
-    """How well the player follows, over the last two seconds unless something else is said."""
+    """Performance of the player, over the last two seconds unless stated otherwise."""
 
     state_hz: float
     """Steps of the chain per second of wall time."""
     core_share: float
-    """Of one core, that the player's thread takes."""
+    """Share of one core that the player's thread takes."""
     step: Percentiles
     """Computing of one step: chain and controller."""
     arrival_to_sent: Percentiles
     """From the arrival of a block to the sending of a command that it led to."""
     window_to_sent: Percentiles
-    """The same from the end of the simulated window, so with the wait for the end of its block and the link."""
+    """Latency from the end of the simulated window, so with the wait for the end of its block and the link."""
     commands_sent: int
-    """Of this session, as all counts."""
+    """Commands sent in this session."""
     last_refusal: str
     """Empty if there was none."""
     blocks: int
-    """Played."""
+    """Number of blocks processed."""
     blocks_dropped: int
-    """Too old: the player could not follow, or they were lost on the way."""
+    """Blocks dropped because the player was too slow, or lost in transit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RallySnapshot:
-    """Everything there is to draw of the rally, at the end of one block."""
+    """State of the rally at the end of one block."""
 
     number: int
     """Grows with every snapshot; 0 is the empty one."""
@@ -111,18 +111,18 @@ class RallySnapshot:
     playing: bool
     """Whether commands are sent; otherwise the player only watches."""
     goal_m: Array
-    """(2,) where balls are to land now."""
+    """(2,) current landing target."""
     state: PlayerState | None
     """After the newest step."""
     points: tuple[BallPoint, ...]
     """Triangulated balls of the last seconds, oldest first."""
     newest: Prediction | None
-    """The newest of this flight."""
+    """Newest prediction of this flight."""
     racket: RacketPose | None
     ball: TrueBall | None
     """None while there is no ball."""
     phase: str
-    """idle, serve, return or decided: as the simulation says."""
+    """idle, serve, return or decided, as reported by the simulation."""
     finished: tuple[FinishedBall, ...]
     """The last 500 balls, oldest first."""
     played: int
@@ -130,9 +130,9 @@ class RallySnapshot:
     returned: int
     health: PlayerHealth
     problem: str
-    """Why there is no chain, or empty."""
+    """Why there is no chain; empty if there is one."""
     learned: LearnedConstants | None
-    """Of air and table, by the balls so far; None of a chain that does not learn."""
+    """Constants of air and table learned from the balls so far; None for a chain that does not learn."""
 
     @property
     def chain(self) -> ChainState | None:

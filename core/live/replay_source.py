@@ -1,4 +1,4 @@
-"""A recording as a live source: its cameras' events, block after block, as if they were seen now. Nothing else of it.
+"""A recording as a live source: its cameras' events in blocks, and nothing else.
 
 After the end it begins again from its start, unless it plays once, and the time of the session runs on, by whole
 blocks: what is recorded or frozen of it goes over the seam. While nobody listens it stands still.
@@ -27,11 +27,11 @@ logger = logging.getLogger(__name__)
 
 SPEEDS: Final = (0.01, 20.0)
 LATE_S: Final = 0.1
-"""What is later than this is given up: the clock of the replay goes on from there. It hurries after less."""
+"""A delay above this is given up; a smaller one is caught up."""
 
 
 class ReplaySource:
-    """A LiveSource without robot, outcomes and truth. The recording is its own, and is closed with it."""
+    """A LiveSource without robot, outcomes and truth. It owns the recording and closes it."""
 
     robot = None
     has_outcomes = False
@@ -82,30 +82,30 @@ class ReplaySource:
         return "connected" if self._thread.is_alive() else "lost"
 
     def recalibrate(self, cameras: Mapping[str, Camera]) -> None:
-        """These are its cameras from now on: it begins again in a new session. Others stay as they are."""
+        """Replace calibrations; it restarts in a new session. Other cameras are unchanged."""
         with self._changed:
             self._calibration |= dict(cameras)
             self._recalibrated = True
 
     def add_listener(self, listener: LinkListener) -> None:
-        """From now on; it hears of the present session at once."""
+        """Add a listener; it gets the present session at once."""
         with self._changed:
             self._listeners.add(listener, self.welcome)
             self._changed.notify_all()
 
     def remove_listener(self, listener: LinkListener) -> None:
-        """It hears nothing after this."""
+        """Remove a listener."""
         with self._changed:
             self._listeners.remove(listener)
 
     def listen(self, listening: bool) -> None:
-        """Play, or stand still."""
+        """Play, or pause."""
         with self._changed:
             self._listening = listening
             self._changed.notify_all()
 
     def close(self) -> None:
-        """End it, and close the recording."""
+        """Stop, and close the recording."""
         with self._changed:
             self._stop = True
             self._changed.notify_all()
@@ -183,7 +183,7 @@ class ReplaySource:
 
 
 def check_speed(speed: float) -> None:
-    """Let a speed pass that a recording can be replayed at.
+    """Check a replay speed.
 
     Raises:
         ConfigError: if it is not in SPEEDS.

@@ -70,7 +70,7 @@ class RingBuffer:
             del self._numbers[:count], self._ends[:count]
 
     def _move(self, more: int, like: Columns) -> None:
-        """Room for at least as much again, elsewhere."""
+        """Move to larger arrays."""
         kept = self.columns or tuple(column[:0] for column in like)
         rows = len(kept[0])
         room = max(MIN_ROWS, 2 * (rows + more))
@@ -81,7 +81,7 @@ class RingBuffer:
         self._columns, self._first = moved, 0
 
     def _put_between(self, number: int, piece: Columns) -> None:
-        """What came late, or again."""
+        """Insert a late or repeated piece."""
         pieces: dict[int, Columns] = {number: piece}
         starts = [self._first, *self._ends[:-1]]
         for known, start, end in zip(self._numbers, starts, self._ends, strict=True):
@@ -97,7 +97,7 @@ BALL_COLUMNS: Final = tuple(one.name for one in fields(BallTruth))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveConfig:
-    """How much is remembered."""
+    """Size of the buffer."""
 
     seconds: float = setting(20.0, 1.0, 600.0)
     """Enough to step back through the last few balls."""
@@ -147,7 +147,7 @@ class RingRecording:
 
     @property
     def start_us(self) -> int:
-        """What is older is forgotten, or was never seen."""
+        """Start of the available time, us."""
         with self._lock:
             return min(self._duration_us, max(self._oldest, self._first or 0) * self._block_us)
 
@@ -162,7 +162,7 @@ class RingRecording:
 
     @property
     def ball(self) -> BallTruth | None:
-        """The remembered part of the truth; None where nobody knows."""
+        """The buffered truth; None if unknown."""
         with self._lock:
             columns = self._ball.columns
         return None if columns is None else BallTruth(*columns)
@@ -173,7 +173,7 @@ class RingRecording:
         return (f"live: the last {self._config.seconds:g} s",)
 
     def close(self) -> None:
-        """Forget everything."""
+        """Drop all data."""
         with self._lock:
             self._blocks = {name: _CameraBlocks() for name in self._blocks}
             self._ball = RingBuffer()
@@ -185,7 +185,7 @@ class RingRecording:
         self.close()
 
     def on_session(self, welcome: m.Reply) -> None:
-        """Begin anew."""
+        """Reset for a new session."""
         calibration = welcome.calibrated()
         sensors = {info.name: info.sensor for info in welcome.cameras}
         with self._lock:
@@ -287,7 +287,7 @@ class LiveCamera:
 
     @property
     def name(self) -> str:
-        """As in the recording."""
+        """Name of the camera."""
         return self._name
 
     @property
@@ -312,7 +312,7 @@ class LiveCamera:
 
     @property
     def truth(self) -> PixelTruth | None:
-        """The remembered part."""
+        """The buffered truth."""
         return self._recording.truth_of(self._name, self._uuid)
 
     def slice(self, start_us: int, end_us: int) -> Events:

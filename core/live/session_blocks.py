@@ -1,4 +1,4 @@
-"""What sources without a robot and without truth say of a session and of each of its blocks."""
+"""Welcome and state messages of sources without a robot and without truth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a live source is doing, told by its blocks alone: how fast they come, and what is missing of which camera."""
+"""Health of a live source, from its blocks: their rate, and what is missing of each camera."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from core.live.link import messages as m
 
 SPAN_S: Final = 2.0
 LOST_US: Final = 500_000
-"""A camera that was missing for so long, in the source's own time, is lost."""
+"""A camera missing for this long, in the source's time, counts as lost."""
 SILENT_US: Final = 1_000_000
-"""An event camera always has some noise: without an event for so long, it sees nothing at all."""
+"""Time without any event after which a camera counts as silent; it always has some noise."""
 STOPPED_S: Final = 1.0
-"""A source that nothing was heard of for so long has stopped, unless it is asked to be so slow."""
+"""Time without data after which a source counts as stopped, unless its speed is set that low."""
 STOPPED_BLOCKS: Final = 3
 
 
@@ -27,20 +27,20 @@ class CameraHealth:
 
     name: str
     blocks_missing: int
-    """Blocks that ended without a packet of it."""
+    """Blocks without a packet of this camera."""
     absent_us: int
-    """How long there has been none now; 0 if the newest block had one."""
+    """Time since its last packet; 0 if the newest block had one."""
     silent_us: int
-    """How long there has been no event now."""
+    """Time since its last event."""
 
     @property
     def lost(self) -> bool:
-        """Whether nothing has come of it for some time."""
+        """Whether it has sent nothing for LOST_US."""
         return self.absent_us >= LOST_US
 
     @property
     def silent(self) -> bool:
-        """Whether its packets come, but have been empty for some time."""
+        """Whether its packets have been empty for SILENT_US."""
         return not self.lost and self.silent_us >= SILENT_US
 
 
@@ -49,11 +49,11 @@ class StreamHealth:
     """Health of a live source."""
 
     pace: float | None
-    """Seconds of the source a second, over the last two; None while too little is known."""
+    """Source seconds per wall second, over the last 2 s; None while unknown."""
     quiet_s: float
     """Wall time since the last block or sign of life, or since it was first listened to."""
     stopped: bool
-    """Whether nothing comes any more."""
+    """Whether the source has stopped."""
     blocks_lost: int
     """Blocks that never came, of this session: there was a gap between two."""
     cameras: tuple[CameraHealth, ...]
@@ -77,9 +77,9 @@ class StreamWatch:
         self._begin()
 
     def wake(self) -> None:
-        """It is listened to again: that nothing came meanwhile means nothing."""
+        """Restart the watch after a pause without listeners."""
         with self._lock:
-            self._heard_s = self._clock()
+            self._received_s = self._clock()
             self._marks.clear()
 
     def health(self) -> StreamHealth:
@@ -89,7 +89,7 @@ class StreamWatch:
                 CameraHealth(name, one.missing, self._t_us - one.seen_us, self._t_us - one.event_us)
                 for name, one in self._cameras.items()
             )
-            quiet_s = self._clock() - self._heard_s
+            quiet_s = self._clock() - self._received_s
             return StreamHealth(self._pace(), quiet_s, quiet_s >= self._patience_s, self._lost, cameras)
 
     def on_session(self, welcome: m.Reply) -> None:
@@ -108,7 +108,7 @@ class StreamWatch:
         """A block is over, or the source lives."""
         with self._lock:
             now_s = self._clock()
-            self._heard_s = now_s
+            self._received_s = now_s
             if not state.ends_block:
                 return
             if state.speed_factor:
@@ -137,11 +137,11 @@ class StreamWatch:
     def _begin(self) -> None:
         self._cameras: dict[str, _CameraCounts] = {}
         self._packets: dict[str, bool] = {}
-        """Of the block that is being told: camera -> whether there are events in it."""
+        """Current block: camera -> whether there are events in it."""
         self._marks: deque[tuple[float, int]] = deque()
         self._t_us = self._lost = 0
         self._patience_s = STOPPED_S
-        self._heard_s = self._clock()
+        self._received_s = self._clock()
 
     def _pace(self) -> float | None:
         if len(self._marks) < 2:

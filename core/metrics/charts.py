@@ -1,4 +1,4 @@
-"""Charts by matplotlib: SVG files without background and in grey ink, for pages light and dark."""
+"""Charts by matplotlib: SVG files without background and with grey lines, for light and dark pages."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 INK: Final = "#767676"
-"""As far from white as from the black of dark pages."""
+"""Grey that is legible on white and on dark pages."""
 STYLE: Final[dict[Any, Any]] = {
     **dict.fromkeys(("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color"), INK),
     "svg.hashsalt": "rallyscope",  # the same chart is the same file
@@ -43,8 +43,8 @@ def heat_map(
         for row, column in np.argwhere(counts):
             share, count = shares[row, column], counts[row, column]
             ink = "white" if share > 0.6 else "black"
-            said = f"{100 * share:.0f} %\nof {count:,}"
-            axes.text(column + 0.5, row + 0.5, said, ha="center", va="center", color=ink, fontsize=8)
+            label = f"{100 * share:.0f} %\nof {count:,}"
+            axes.text(column + 0.5, row + 0.5, label, ha="center", va="center", color=ink, fontsize=8)
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""Several methods over the same recording: what each finds, misses and invents over time, and what its steps cost.
+"""Comparison of methods over a recording: hits, misses, false answers and step time.
 
 Methods have windows of different lengths and answers for times of their own. All are asked at the same times, those of
 a `PixelReference`; an answer is right if it lies within the match radius of the reference at its own time.
@@ -25,12 +25,12 @@ from core.recordings import CameraStream
 
 Array = NDArray[np.float64]
 SPAN_GAP_US: Final = 20_000
-"""Misses, or false answers, farther apart are two stretches."""
+"""Misses, or false answers, farther apart than this are separate intervals."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MethodRun:
-    """Everything a method said of a stretch of a recording."""
+    """All answers of a method in an interval of a recording."""
 
     method: Method
     window_us: int
@@ -45,22 +45,22 @@ class ErrorRun:
 
     start_us: int
     end_us: int
-    """Of the last one."""
+    """End of the last window."""
     count: int
     look_us: int
     """The end of the window that shows the first one."""
     place_px: tuple[float, float]
-    """Where the first ball is that is missed, or the first answer that is false."""
+    """Position of the first missed ball, or of the first false answer, px."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClassifiedRun:
-    """A run beside the reference: A times that are asked, M answers of which the reference knows what is right."""
+    """A run compared with the reference: A query times, M answers at which the reference is known."""
 
     run: MethodRun
     asked_us: NDArray[np.int64]
     found: NDArray[np.bool_]
-    """(A,) where a right answer is within half a window, or half a millisecond if that is more."""
+    """(A,) whether a right answer is within half a window, at least half a millisecond."""
     t_us: NDArray[np.int64]
     """(M,) times of the answers."""
     end_us: NDArray[np.int64]
@@ -68,13 +68,13 @@ class ClassifiedRun:
     places_px: Array
     """(M, 2) centres."""
     right: NDArray[np.bool_]
-    """(M,)"""
+    """(M,) whether the answer is right."""
     error_px: Array
     """(M,) distance from the reference; nan where it has no ball."""
 
     @property
     def recall(self) -> float:
-        """Share of the times asked that are found; nan without any."""
+        """Share of the query times that are found; nan without any."""
         return float(self.found.mean()) if len(self.found) else float("nan")
 
     @property
@@ -93,18 +93,18 @@ class ClassifiedRun:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CurvesOverTime:
-    """A run in B bins; nan where a bin has nothing to say."""
+    """Curves of a run in B bins; nan for empty bins."""
 
     recall: Array
     error_px: Array
-    """Median of the right answers."""
+    """Median error of the right answers, px."""
     step_s: Array
-    """Median."""
+    """Median step time, s."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
-    """Several methods against one reference on one stretch of a recording."""
+    """Several methods against one reference on one interval of a recording."""
 
     reference: PixelReference
     start_us: int
@@ -160,7 +160,7 @@ def run_method(
     first_us = max(0, start_us - LEAD_IN_US) // window_us * window_us  # the windows of a run over the whole recording
     detector = TimedDetector(make_detector(method, stream.sensor, config))
     run_detector(stream, detector, window_us, start_us=first_us, end_us=min(first_us + LEAD_IN_US, end_us))
-    detector.seconds.clear()  # its code is loaded by now, so that the first step of the run costs what others cost
+    detector.seconds.clear()  # its code is loaded by now, so the first step costs no more than others
     answers = run_detector(
         stream, detector, window_us, start_us=first_us, end_us=end_us, progress=progress, cancelled=cancelled
     )
@@ -169,7 +169,7 @@ def run_method(
 
 
 def judge_run(run: MethodRun, reference: PixelReference, *, match_radius_px: float = MATCH_RADIUS_PX) -> ClassifiedRun:
-    """Compare the answers with the reference; what it knows nothing of is left out."""
+    """Compare the answers with the reference; times where it is unknown are ignored."""
     answers = run.answers.rows(run.answers.detected)
     there, known = reference.at(answers.t_us)
     error_px = np.hypot(answers.u_px - there.u_px, answers.v_px - there.v_px)
@@ -188,13 +188,13 @@ def judge_run(run: MethodRun, reference: PixelReference, *, match_radius_px: flo
 
 
 def bin_edges(start_us: int, end_us: int, *, most: int = 80, shortest_us: int = 10_000) -> NDArray[np.int64]:
-    """(B + 1,) edges of equal bins over a stretch: `most` of them, fewer where they would be too short."""
+    """(B + 1,) edges of equal bins over an interval: at most `most`, fewer if they would be too short."""
     count = max(1, min(most, (end_us - start_us) // shortest_us))
     return np.linspace(start_us, end_us, count + 1).astype(np.int64)
 
 
 def curves_over_time(judged: ClassifiedRun, edges_us: NDArray[np.int64]) -> CurvesOverTime:
-    """What a run is like in each bin between the edges (B + 1,)."""
+    """Curves of a run in the bins between the edges (B + 1,)."""
     right = judged.right
     return CurvesOverTime(
         recall=_by_bin(np.mean, judged.asked_us, judged.found.astype(np.float64), edges_us),
@@ -204,7 +204,7 @@ def curves_over_time(judged: ClassifiedRun, edges_us: NDArray[np.int64]) -> Curv
 
 
 def missed_stretches(judged: ClassifiedRun, reference: PixelReference) -> tuple[ErrorRun, ...]:
-    """Times that this reference asked for in a row without a right answer."""
+    """Runs of query times without a right answer."""
     answers = judged.run.answers
     late_us = int(np.median(judged.end_us - judged.t_us)) if len(judged.t_us) else 0
     missed = ~judged.found
@@ -215,14 +215,14 @@ def missed_stretches(judged: ClassifiedRun, reference: PixelReference) -> tuple[
 
 
 def false_stretches(judged: ClassifiedRun) -> tuple[ErrorRun, ...]:
-    """Answers in a row that are not right."""
+    """Runs of false answers."""
     return _stretches(judged.t_us, ~judged.right, judged.end_us, judged.places_px)
 
 
 def _stretches(
     t_us: NDArray[np.int64], bad: NDArray[np.bool_], look_us: NDArray[np.int64], places_px: Array
 ) -> tuple[ErrorRun, ...]:
-    """Bad ones (N,) in a row, with no good one and no long time between."""
+    """Runs of bad items (N,), without a good one or a long gap between."""
     rows = np.flatnonzero(bad)
     if not len(rows):
         return ()

@@ -18,12 +18,12 @@ from core.trajectory import FilterConfig, FilterPredictor, PaperPredictor, predi
 
 Array = NDArray[np.float64]
 Recorded = tuple[RecordedFlight, Array | None]
-"""With its bounce, if it has one: time, x and y."""
+"""A flight with its bounce (time, x and y), or None."""
 
 OBSERVED_S: Final = 0.150
 AHEAD_S: Final = (0.1, 0.2, 0.3)
 NEAR_S: Final = 0.006
-"""A recorded point counts as being at a time if it is so near; what is predicted is then that of its own time."""
+"""Largest distance of a recorded point from a wanted time; the prediction is for the point's own time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,27 +36,27 @@ class FlightErrors:
     ahead_median_mm: dict[float, float]
     ahead_p95_mm: dict[float, float]
     flights: dict[float, int]
-    """How many are long enough."""
+    """Number of flights that are long enough."""
     normalised: dict[float, float]
-    """Mean squared error in units of what was said of it and of the noise of the point, over three: 1 is honest.
-    Only where something was said."""
+    """Mean squared error over the predicted variance plus the point's noise, per dimension: 1 is consistent. Only where
+    a variance was predicted."""
     normalised_but_worst: dict[float, float]
-    """The same without the flight that is farthest off: one may touch the net after it was seen."""
+    """`normalised` without the worst flight: one may touch the net after it was seen."""
 
 
 class PredictedFlight(NamedTuple):
-    """What is predicted of one flight."""
+    """Prediction of one flight."""
 
     bounce: Array | None
-    """Time, x and y."""
+    """Time, x and y of the bounce."""
     positions: Callable[[Array], tuple[Array, Array | None]]
-    """Of the times (N,): points (N, 3), and the variances (N, 3), if known, of their distance from recorded ones."""
+    """Maps times (N,) to points (N, 3) and, if known, variances (N, 3) of their distance from recorded points."""
 
 
 def compare_models(
     flights: Sequence[RecordedFlight], fitted: FittedPhysics, progress: Callable[[float], None] = lambda share: None
 ) -> dict[str, FlightErrors]:
-    """Least-squares fits, each with the fitted table; nothing is known of how far they are off."""
+    """Compare least-squares fits, each with the fitted table; they have no uncertainty."""
     both = fitted.profile()
     drag = with_constants(0.0, fitted.drag_coefficient, fitted.restitution, fitted.friction)
     gravity = replace(drag, air=replace(drag.air, drag_coefficient=0.0))
@@ -69,7 +69,9 @@ def compare_models(
 
 
 def compare_predictors(flights: Sequence[RecordedFlight], fitted: FittedPhysics) -> dict[str, FlightErrors]:
-    """The filter, with the fitted constants, each with its usual spread, and the paper's rule, fed point by point."""
+    """Compare the filter (with the fitted constants and their usual uncertainty) and the paper's predictor, point by
+    point.
+    """
     config = replace(
         FilterConfig(),
         drag=fitted.drag_coefficient,
@@ -79,7 +81,7 @@ def compare_predictors(flights: Sequence[RecordedFlight], fitted: FittedPhysics)
     )
     predictors = {"filter": FilterPredictor(config), "paper": PaperPredictor(predictor_for("real"))}
     bounces = list(_with_bounces(flights, fitted))
-    return {name: _score(partial(_told, predictor), bounces) for name, predictor in predictors.items()}
+    return {name: _score(partial(_predicted, predictor), bounces) for name, predictor in predictors.items()}
 
 
 def bounce_point(start: Array, physics: PhysicsConfig) -> Array | None:
@@ -105,22 +107,22 @@ def _fitted(physics: PhysicsConfig, flight: RecordedFlight, *, with_spin: bool) 
     )
 
 
-def _told(predictor: FilterPredictor | PaperPredictor, flight: RecordedFlight) -> PredictedFlight | None:
+def _predicted(predictor: FilterPredictor | PaperPredictor, flight: RecordedFlight) -> PredictedFlight | None:
     predictor.reset()
     for t, p in zip(flight.t_s, flight.ps_m, strict=True):
         predictor.add(round(1e6 * t), p)
-    said = predictor.predict() if isinstance(predictor, FilterPredictor) else predictor.latest
-    if said is None:
+    predicted = predictor.predict() if isinstance(predictor, FilterPredictor) else predictor.latest
+    if predicted is None:
         return None
     noise_m2 = np.square(predictor.config.sigma_point_m)
     if isinstance(predictor, FilterPredictor):
         noise_m2 = noise_m2 * predictor.noise_scales
 
     def positions(t_s: Array) -> tuple[Array, Array]:
-        ps, sigmas = said.positions(t_s)
+        ps, sigmas = predicted.positions(t_s)
         return ps, sigmas**2 + noise_m2
 
-    landing = said.landing
+    landing = predicted.landing
     return PredictedFlight(None if landing is None else np.array([landing.t_s, *landing.p_world_m[:2]]), positions)
 
 
@@ -130,16 +132,16 @@ def _score(predict: Callable[[RecordedFlight], PredictedFlight | None], flights:
     normalised: dict[float, list[float]] = {ahead: [] for ahead in AHEAD_S}
     for flight, bounce in flights:
         seen = flight.t_s <= OBSERVED_S
-        said = predict(RecordedFlight(flight.name, flight.t_s[seen], flight.ps_m[seen]))
-        if said is None:
+        predicted = predict(RecordedFlight(flight.name, flight.t_s[seen], flight.ps_m[seen]))
+        if predicted is None:
             continue
-        if bounce is not None and bounce[0] > OBSERVED_S and said.bounce is not None:
-            bounce_mm.append(1e3 * float(np.linalg.norm(said.bounce[1:] - bounce[1:])))
+        if bounce is not None and bounce[0] > OBSERVED_S and predicted.bounce is not None:
+            bounce_mm.append(1e3 * float(np.linalg.norm(predicted.bounce[1:] - bounce[1:])))
         for ahead in AHEAD_S:
             wanted = flight.t_s[seen][-1] + ahead
             near = int(np.abs(flight.t_s - wanted).argmin())
             if abs(flight.t_s[near] - wanted) <= NEAR_S:
-                ps, variances = said.positions(flight.t_s[near : near + 1])
+                ps, variances = predicted.positions(flight.t_s[near : near + 1])
                 miss = ps[0] - flight.ps_m[near]
                 ahead_mm[ahead].append(1e3 * float(np.linalg.norm(miss)))
                 if variances is not None:

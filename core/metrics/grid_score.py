@@ -1,4 +1,4 @@
-"""Scores on a grid of times: what a detector whose answers have times of their own is asked, and what it gets right.
+"""Scores on a grid of times, for detectors whose answers have times of their own.
 
 `core.metrics.score` asks once a window; here every whole millisecond asks, whatever the windows, so that detectors with
 different ones are compared on the same times.
@@ -20,7 +20,7 @@ from core.recordings import PixelTruth
 
 GRID_US: Final = 1000
 SETTLING_US: Final = 10_000
-"""A ball that appears (the first one does with the truth), or comes out from behind something, has so long."""
+"""Time that a detector gets when a ball appears or comes out of an occlusion."""
 SLOW_PX_PER_MS: Final = 2.0
 
 
@@ -35,9 +35,9 @@ class GridScore:
     false: int = 0
     """Answers without a ball within the match radius at their own time, at any speed."""
     error_px: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
-    """Of the answers that match, in the range of speeds."""
+    """Errors of the answers that match, in the range of speeds."""
     along_px: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
-    """Their signed error along the ball's motion."""
+    """Signed error of these along the ball's motion, px."""
     speed_px_per_ms: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
     @property
@@ -47,7 +47,7 @@ class GridScore:
 
     @property
     def recall(self) -> float:
-        """Share of the times asked that have an answer."""
+        """Share of the query times that have an answer."""
         return self.found / self.asked if self.asked else float("nan")
 
     def error_at(self, percent: float) -> float:
@@ -90,10 +90,10 @@ def score_on_grid(
     if counts is not None:
         wanted &= counts(grid)
 
-    said = np.zeros(len(answers.t_us), np.bool_)
+    within = np.zeros(len(answers.t_us), np.bool_)
     if len(truth.t_us):
-        said = answers.detected & (answers.t_us >= truth.t_us[0]) & (answers.t_us <= truth.t_us[-1])
-    t_us, u, v = answers.t_us[said], answers.u_px[said], answers.v_px[said]
+        within = answers.detected & (answers.t_us >= truth.t_us[0]) & (answers.t_us <= truth.t_us[-1])
+    t_us, u, v = answers.t_us[within], answers.u_px[within], answers.v_px[within]
     there = truth.at(t_us)
     off_u, off_v = u - there.u_px, v - there.v_px
     error = np.hypot(off_u, off_v)
@@ -119,7 +119,7 @@ def score_on_grid(
 
 
 def distance_us(grid: NDArray[np.int64], t_us: NDArray[np.int64]) -> NDArray[np.int64]:
-    """From each time of the grid to the nearest of some others; very far without any."""
+    """Distance from each time of the grid to the nearest of the other times; very large without any."""
     if not len(t_us):
         return np.full(len(grid), np.iinfo(np.int64).max)
     ordered = np.sort(t_us)
@@ -129,7 +129,7 @@ def distance_us(grid: NDArray[np.int64], t_us: NDArray[np.int64]) -> NDArray[np.
 
 
 def image_velocity(truth: PixelTruth, t_us: NDArray[np.int64], *, over_us: int = 1000) -> NDArray[np.float64]:
-    """(N, 2) px/ms at times (N,), over the millisecond before; after it where there was nothing before."""
+    """(N, 2) px/ms at times (N,), over the previous millisecond; over the next one at the start."""
     now, before, after = truth.at(t_us), truth.at(t_us - over_us), truth.at(t_us + over_us)
     back = np.column_stack([now.u_px - before.u_px, now.v_px - before.v_px])
     on = np.column_stack([after.u_px - now.u_px, after.v_px - now.v_px])
@@ -137,7 +137,7 @@ def image_velocity(truth: PixelTruth, t_us: NDArray[np.int64], *, over_us: int =
 
 
 def askable(grid: NDArray[np.int64], truth: PixelTruth, sensor: SensorSize) -> NDArray[np.bool_]:
-    """(N,) whether a detector can be asked at times (N,): the whole disc is in view and has been for a while."""
+    """(N,) whether a detector is expected to answer at times (N,): the whole disc has been in view for a while."""
     fine = np.arange(truth.t_us[0], truth.t_us[-1] + 1, GRID_US // 4) if len(truth.t_us) else grid
     whole = wholly_in_view(truth.at(fine), sensor)
     last_without = np.maximum.accumulate(np.where(whole, truth.t_us[:1], fine))
@@ -146,7 +146,7 @@ def askable(grid: NDArray[np.int64], truth: PixelTruth, sensor: SensorSize) -> N
 
 
 def wholly_in_view(at: PixelTruth, sensor: SensorSize) -> NDArray[np.bool_]:
-    """(N,) where nothing hides the ball and no part of it is outside the picture."""
+    """(N,) whether the whole ball is visible and inside the picture."""
     with np.errstate(invalid="ignore"):
         return (
             at.visible

@@ -1,4 +1,4 @@
-"""Intervals of what was counted."""
+"""Confidence intervals of counts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a method says of one window, as it would in the middle of a run: it has seen the windows that lead up to it."""
+"""Answer of a method for one window, after running it over the windows before."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ LEAD_IN_US: Final = 60_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WindowAnswer:
-    """The window that was asked for, and the ball in it."""
+    """A window and its answer."""
 
     method: Method
     window: Window
     detection: Detection | None
     lead_in_windows: int
-    """Seen before it; fewer at the start of a recording."""
+    """Windows processed before it; fewer at the start of a recording."""
 
     @property
     def valid_us(self) -> int:
-        """When the answer holds; the end of the window without one."""
+        """Time at which the answer is valid; the end of the window without one."""
         return self.detection.t_us if self.detection else self.window.end_us
 
 
@@ -45,5 +45,5 @@ def answer_window(
     detector = make_detector(method, stream.sensor, config)
     for first_us in range(start_us - lead_in * window_us, start_us, window_us):
         detector.step(Window(events.between(first_us, first_us + window_us), first_us, first_us + window_us))
-    window = Window(stream.slice(start_us, end_us), start_us, end_us)  # a piece of its own: an answer may be kept
+    window = Window(stream.slice(start_us, end_us), start_us, end_us)  # a copy, as answers may be cached
     return WindowAnswer(method, window, detector.step(window), lead_in)

@@ -23,16 +23,16 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True, slots=True)
 class PairedComparison:
-    """What pairs say of a difference or a ratio; no interval and no p of fewer than two."""
+    """Difference or ratio of pairs; no interval and no p for fewer than two."""
 
     count: int
-    """Pairs."""
+    """Number of pairs."""
     estimate: float
     low: float
-    """Of the 95 % interval."""
+    """Lower end of the 95 % interval."""
     high: float
     p: float
-    """Two-sided, of the value that was asked about."""
+    """Two-sided p-value of the null value."""
 
 
 def pair_by_seed(
@@ -102,7 +102,7 @@ def _t_test(values: Array, null: float) -> PairedComparison:
     if count < 2:
         return PairedComparison(count, float(values.mean()) if count else math.nan, math.nan, math.nan, math.nan)
     mean = float(values.mean())
-    if np.ptp(values) <= 1e-12 * max(1.0, abs(mean)):  # nothing scatters: no test, the value speaks
+    if np.ptp(values) <= 1e-12 * max(1.0, abs(mean)):  # no scatter: no test
         return PairedComparison(count, mean, mean, mean, 1.0 if math.isclose(mean, null, abs_tol=1e-12) else 0.0)
     test: Any = stats.ttest_1samp(values, null)  # scipy has no types for it
     interval = test.confidence_interval(CONFIDENCE)

@@ -1,4 +1,4 @@
-"""What the answers of several methods are compared with: the truth, labels, or the answers of one of the methods."""
+"""Reference for a comparison of methods: the truth, labels, or the answers of one method."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ LABEL_GAP_US: Final = 20_000
 """Between labels that are no farther apart the ball is on the line between them: gravity bends the path of one 2.5 m
 away by 0.2 px meanwhile (focal length 1000 px)."""
 LABEL_NEAR_US: Final = 1_000
-"""A label that stands alone speaks for the answers within this time."""
+"""An isolated label is the reference for answers within this time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PixelReference:
-    """Where the ball is at some times, that it is not there at others, and nothing at all of the rest."""
+    """Reference positions of the ball: known positions, times known to be without a ball, and unknown times."""
 
     kind: ReferenceKind
     name: str
-    """Who says so, for a person."""
+    """Name of the reference as shown."""
     places: PixelTruth
     """Ascending samples."""
     asked_us: NDArray[np.int64]
     """(A,) ascending times at which a detector should have a ball."""
 
     def at(self, t_us: NDArray[np.int64]) -> tuple[PixelTruth, NDArray[np.bool_]]:
-        """The places at times (N,), and whether anything is known of each."""
+        """Positions at times (N,), and whether each is known."""
         there = self.places.at(t_us)
         if not len(self.places.t_us):
             return there, np.zeros(len(t_us), np.bool_)
@@ -60,18 +60,20 @@ class PixelReference:
 
 
 def truth_reference(truth: PixelTruth, sensor: SensorSize) -> PixelReference:
-    """The truth, asked every millisecond at which the whole disc has been in view for a while, see `askable`."""
+    """Reference from the truth, queried every millisecond at which the whole disc has been in view for a while, see
+    `askable`.
+    """
     grid = np.arange(truth.t_us[0], truth.t_us[-1], GRID_US) if len(truth.t_us) else np.empty(0, np.int64)
     return PixelReference("truth", "the truth", truth, grid[askable(grid, truth, sensor)])
 
 
 def labels_reference(places: PixelTruth, name: str) -> PixelReference:
-    """Labels as samples, without those that say nothing; each that has a ball is asked for."""
+    """Reference from labels that state a ball or none; each ball is queried."""
     return PixelReference("labels", name, places, places.t_us[places.visible])
 
 
 def method_reference(answers: WindowAnswers, name: str) -> PixelReference:
-    """The answers of a method; what it does not answer is no ball."""
+    """Reference from the answers of a method; no answer means no ball."""
     found = answers.detected
     late_us = int(np.median((answers.end_us - answers.t_us)[found])) if found.any() else 0
     t_us = np.where(found, answers.t_us, answers.end_us - late_us)

@@ -20,7 +20,7 @@ REPORT_EVERY = 64
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WindowAnswers:
-    """What a detector said of each of N windows in order of time."""
+    """Answers of a detector for N windows in order of time."""
 
     end_us: NDArray[np.int64]
     """End of the window."""
@@ -33,7 +33,7 @@ class WindowAnswers:
     extra_circles: NDArray[np.int32]
     """Further circles of the window that passed every test."""
     detections: tuple[Detection, ...] = ()
-    """Those that were found, with all that the method says of them."""
+    """Detections with all their fields."""
 
     @property
     def detected(self) -> NDArray[np.bool_]:
@@ -41,7 +41,7 @@ class WindowAnswers:
         return ~np.isnan(self.u_px)
 
     def rows(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> WindowAnswers:
-        """Some of them in the same order."""
+        """Selected rows, in the same order."""
         return WindowAnswers(
             self.end_us[rows],
             self.t_us[rows],

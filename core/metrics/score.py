@@ -28,9 +28,9 @@ class Score:
     """
 
     windows: int
-    """That count."""
+    """Windows that are counted."""
     windows_unknown: int
-    """Left out, because the truth does not reach there."""
+    """Windows outside the truth's time range, not counted."""
     with_ball: int
     """Windows with the ball in the picture: found + missed."""
     found: int
@@ -57,23 +57,23 @@ class WindowVerdicts:
 
     t_us: NDArray[np.int64]
     known: NDArray[np.bool_]
-    """The truth reaches there."""
+    """Whether the truth covers the time."""
     with_ball: NDArray[np.bool_]
     found: NDArray[np.bool_]
     false: NDArray[np.bool_]
     error_px: NDArray[np.float64]
-    """nan without an answer or a ball."""
+    """Error, px; nan without an answer or a ball."""
 
     @property
     def missed(self) -> NDArray[np.bool_]:
-        """(N,) where there was a ball that was not found."""
+        """(N,) whether there was a ball that was not found."""
         return self.with_ball & ~self.found
 
 
 def judge_answers(
     answers: WindowAnswers, truth: PixelTruth, *, match_radius_px: float = MATCH_RADIUS_PX
 ) -> WindowVerdicts:
-    """Hold each answer against the truth."""
+    """Compare each answer with the truth."""
     known = np.zeros(len(answers.t_us), np.bool_)
     if len(truth.t_us):
         known = (truth.t_us[0] <= answers.t_us) & (answers.t_us <= truth.t_us[-1])
@@ -134,7 +134,7 @@ def score_recording(
 
 
 def known_truth(stream: CameraStream) -> PixelTruth:
-    """The truth of a camera.
+    """Truth of a camera.
 
     Raises:
         RecordingError: if the recording has none for it.

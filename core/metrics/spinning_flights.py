@@ -1,4 +1,4 @@
-"""How well a filter foresees recorded flights with spin, point by point, and how honest it is about that."""
+"""Prediction errors of a filter on recorded flights with spin, and the consistency of its uncertainty."""
 
 from __future__ import annotations
 
@@ -17,38 +17,38 @@ from core.trajectory import FilterPredictor
 Array = NDArray[np.float64]
 
 RATE_HZ: Final = 140.0
-"""Of the points that the filter is given."""
+"""Rate of the points given to the filter."""
 NOISE_M: Final = 0.003
-"""Of these, along each axis."""
+"""Standard deviation of these points along each axis."""
 RECORDED_NOISE_M: Final = 0.0015
-"""What is on recorded points already (1 to 2 mm)."""
+"""Noise already on recorded points (1 to 2 mm)."""
 MAX_SPIN_RADPS: Final = 450.0
-"""Flights that can only be explained with more touched something, or are no flights."""
+"""Largest credible spin; flights with more have touched something."""
 SEEN_S: Final = 0.100
-"""So much of a flight is seen before anything is asked."""
+"""Time of a flight that is observed before the first prediction."""
 EVERY: Final = 2
-"""From then on it is asked at every second point."""
+"""A prediction is evaluated at every second point after that."""
 NEAR_S: Final = 0.006
 AHEAD_S: Final = (0.1, 0.2, 0.3)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForeseenPoints:
-    """N predictions of one time ahead: how far they were off, and in units of what was said of that."""
+    """N predictions of one horizon: their errors, absolute and normalised by the predicted variance."""
 
     errors_m: Array
-    """(N,) distances."""
+    """(N,) distances, m."""
     squared: Array
     """(N,) mean over three axes of squared error over variance: 1 on average is honest."""
 
     @property
     def worst_tenth_m(self) -> float:
-        """Nine tenths are nearer."""
+        """90th percentile of the errors, m."""
         return float(np.percentile(self.errors_m, 90))
 
     @property
     def median_m(self) -> float:
-        """Half of them are nearer."""
+        """Median error, m."""
         return float(np.median(self.errors_m))
 
     @property
@@ -58,7 +58,7 @@ class ForeseenPoints:
 
 
 def spinning_flights(flights: Sequence[RecordedFlight]) -> list[RecordedFlight]:
-    """Those of a spin that a flight can have, by a fit of the whole flight with the constants of `real`."""
+    """Flights with a credible spin, by a fit of the whole flight with the constants of `real`."""
     real = physics_profile("real")
     spins = [float(np.linalg.norm(fit_start(flight, real, with_spin=True)[6:])) for flight in flights]
     return [flight for flight, spin in zip(flights, spins, strict=True) if spin <= MAX_SPIN_RADPS]
@@ -73,7 +73,7 @@ def touches_net(flight: RecordedFlight) -> bool:
 
 
 def thinned(flight: RecordedFlight, seed: int, recorded_noise_m: float = RECORDED_NOISE_M) -> RecordedFlight:
-    """What the filter is given of it: fewer points, with more noise."""
+    """Flight as given to the filter: fewer points, with more noise."""
     ticks = np.arange(0.0, flight.t_s[-1], 1 / RATE_HZ)
     rows = np.unique(np.abs(flight.t_s[None] - ticks[:, None]).argmin(axis=1))
     noise = np.random.default_rng(seed).normal(0.0, np.sqrt(NOISE_M**2 - recorded_noise_m**2), (len(rows), 3))
@@ -87,7 +87,9 @@ def foresee_flights(
     carry: bool = True,
     recorded_noise_m: float = RECORDED_NOISE_M,
 ) -> dict[float, ForeseenPoints]:
-    """By seconds ahead. What is learnt of air and table is carried from flight to flight unless `carry` is false."""
+    """Prediction errors by horizon in seconds. Learned constants are kept from flight to flight unless `carry` is
+    false.
+    """
     errors: dict[float, list[float]] = {ahead: [] for ahead in AHEAD_S}
     squared: dict[float, list[float]] = {ahead: [] for ahead in AHEAD_S}
     predictor.forget()
@@ -96,14 +98,14 @@ def foresee_flights(
         seen = thinned(flight, number, recorded_noise_m)
         for k, (t, p) in enumerate(zip(seen.t_s, seen.ps_m, strict=True)):
             predictor.add(round(1e6 * t), p, NOISE_M**2 * np.eye(3))
-            said = predictor.predict() if t >= SEEN_S and k % EVERY == 0 else None
-            if said is None:
+            prediction = predictor.predict() if t >= SEEN_S and k % EVERY == 0 else None
+            if prediction is None:
                 continue
             for ahead in AHEAD_S:
                 near = int(np.abs(flight.t_s - t - ahead).argmin())
                 if abs(flight.t_s[near] - t - ahead) > NEAR_S:
                     continue
-                ps, sigmas = said.positions(flight.t_s[near : near + 1])
+                ps, sigmas = prediction.positions(flight.t_s[near : near + 1])
                 miss = ps[0] - flight.ps_m[near]
                 errors[ahead].append(float(np.linalg.norm(miss)))
                 squared[ahead].append(float(np.mean(miss**2 / (sigmas[0] ** 2 + recorded_noise_m**2))))

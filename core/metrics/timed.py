@@ -1,4 +1,4 @@
-"""What a window costs: a detector that notes the processor time of every step."""
+"""A detector that measures the processor time of every step."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from core.events import Window
 
 _inside_lock = threading.Lock()
 _inside: list[int] = []
-"""OpenCV's number of threads before, once for each thread that is inside `one_opencv_thread`."""
+"""OpenCV's previous number of threads, one entry per thread inside `one_opencv_thread`."""
 
 
 class TimedDetector:
-    """A detector that notes how long this thread computed for each window."""
+    """A detector that measures this thread's processor time for each window."""
 
     def __init__(self, detector: Detector) -> None:
         self._detector = detector
@@ -30,11 +30,11 @@ class TimedDetector:
         return self._detector.extra_circles
 
     def reset(self) -> None:
-        """Forget everything seen before; the times stay."""
+        """Reset the detector; the times are kept."""
         self._detector.reset()
 
     def step(self, window: Window) -> Detection | None:
-        """What the detector answers."""
+        """Answer of the detector."""
         began_s = time.thread_time()
         found = self._detector.step(window)
         self.seconds.append(time.thread_time() - began_s)

@@ -1,4 +1,4 @@
-"""The controller of a live rally that a learner improves: its policy as it is now, and strokes that explore."""
+"""Controller with a learning policy and exploratory strokes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NAME = "learns while it plays"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExploringPolicy:
-    """A policy for one ball: whatever is decided during its flight differs from the policy by the same."""
+    """Policy with exploration noise that is constant during the flight of one ball."""
 
     policy: Policy
     noise: Array
@@ -31,7 +31,7 @@ class ExploringPolicy:
 
     @property
     def state(self) -> StateKind:
-        """What it has to know of a ball."""
+        """Kind of the ball's state that it needs."""
         return self.policy.state
 
     @property
@@ -51,11 +51,11 @@ class ExploringPolicy:
 
 
 class StrokeSource(Protocol):
-    """Has the policy for each ball, and is told what was decided with it."""
+    """Gives the policy for each ball, and is notified of the decisions."""
 
     @property
     def task(self) -> TaskConfig:
-        """The one that is learned for."""
+        """Task of the learner."""
         ...
 
     def policy_for(self, t_c_s: float) -> ExploringPolicy:
@@ -63,12 +63,12 @@ class StrokeSource(Protocol):
         ...
 
     def decided(self, decision: RacketDecision) -> None:
-        """A decision with that policy."""
+        """Notify of a decision with that policy."""
         ...
 
 
 class LearningController:
-    """Plays with what its learner knows at the beginning of each flight."""
+    """Plays with the learner's newest policy at the beginning of each flight."""
 
     name = NAME
 

@@ -1,4 +1,4 @@
-"""The landing model, learning from the strokes that it plays in a live rally: ball by ball, on a thread of its own."""
+"""Online learning of the landing model from its own strokes in a live rally, on a thread of its own."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 ANOTHER_BALL_S: Final = 0.3
-"""Predictions of the same ball's time at the hitting plane differ by less."""
+"""Largest difference of predicted arrival times of the same ball."""
 ENDED: Final = "learning has ended with its rally"
 DECISIONS: Final = 64
-"""That are remembered, to know the own strokes by: more than there are in a flight."""
+"""Decisions remembered to recognise own strokes: more than in one flight."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Played:
-    """A ball to learn from, if learning was not reset since."""
+    """A ball to learn from, unless learning was reset since."""
 
     generation: int
     ball: FinishedBall
@@ -78,16 +78,16 @@ class OnlineLearner:
 
     @property
     def progress(self) -> LearningProgress | None:
-        """As it is now; None before the first `reset`."""
+        """Current progress; None before the first `reset`."""
         return self._progress
 
     @property
     def policy(self) -> Policy | None:
-        """The newest; None before the first `reset`."""
+        """Newest policy; None before the first `reset`."""
         return self._policy
 
     def reset(self, start: LearningStart) -> None:
-        """Forget everything, also the ball that flies, and begin from there; returns when there is a policy.
+        """Discard everything, also the current ball, and begin from a start; returns when there is a policy.
 
         Raises:
             RallyscopeError: if that is no start; then all stays as it was.
@@ -103,11 +103,11 @@ class OnlineLearner:
         self._ask(done := Future(), _Save(run, done))
 
     def controller(self, goal_m: ArrayLike) -> LearningController:
-        """Plays what is learned, aimed at a goal (2,); not before the first `reset`."""
+        """Controller that plays the policy, aimed at a goal (2,); only after the first `reset`."""
         return LearningController(self, goal_m)
 
     def note(self, ball: FinishedBall) -> None:
-        """What came of a ball; one that somebody else played is not learned from. Returns at once."""
+        """Report the outcome of a ball; balls of other controllers are ignored. Returns at once."""
         decision = ball.decision
         if decision is None:
             return
@@ -117,7 +117,7 @@ class OnlineLearner:
                 self._asked.put(_Played(self._generation, ball, mine.random is not None))
 
     def close(self) -> None:
-        """End the thread after what it does now; what still waits is dropped."""
+        """Stop the thread after its current task; queued tasks are dropped."""
         with self._lock:
             self._closed = True
             self._asked.put(None)
@@ -127,12 +127,12 @@ class OnlineLearner:
 
     @property
     def task(self) -> TaskConfig:
-        """The one that is learned for."""
+        """Task of the learner."""
         assert self._start is not None
         return self._start.config.environment.task
 
     def policy_for(self, t_c_s: float) -> ExploringPolicy:
-        """The newest policy for a new ball; for one that flies already, the one that it began with."""
+        """The newest policy for a new ball; for a flying ball, the one it began with."""
         with self._lock:
             if self._ball is None or not abs(t_c_s - self._ball_s) < ANOTHER_BALL_S:
                 self._ball = self._next_policy()
@@ -140,7 +140,7 @@ class OnlineLearner:
             return self._ball
 
     def decided(self, decision: RacketDecision) -> None:
-        """Remember it: its ball will be learned from."""
+        """Remember a decision, whose ball will be learned from."""
         with self._lock:
             if self._ball is not None:
                 self._decisions.append((decision, self._ball))
@@ -210,7 +210,7 @@ class OnlineLearner:
             self._progress = replace(before, balls=(*before.balls, row), problem=problem)
 
     def _refuse(self, asked: _Played | _Reset | _Save | None) -> None:
-        """Whoever waits is told that it is over."""
+        """Fail the waiting requests: the learner is closed."""
         while True:
             if isinstance(asked, _Reset | _Save):
                 asked.done.set_exception(ConfigError(ENDED))

@@ -1,4 +1,4 @@
-"""Agent and balls of online learning, between two balls. Loads torch only for networks."""
+"""Agent and replay buffer of online learning. Loads torch only for networks."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from core.online_learning.start import LearningStart, save_as_run
 from core.online_learning.transition import transition_of_ball
 
 MAX_BALLS: Final = 2000
-"""That are remembered; of more, the newer half."""
+"""Most balls in the buffer; when full, the newer half is kept."""
 
 
 class OnlineAgent:
-    """Learns from one ball after the other."""
+    """Agent that learns ball by ball."""
 
     def __init__(self, start: LearningStart, seed: int) -> None:
-        """Raises ConfigError if the start's arrays are not those of its configuration."""
+        """Raise ConfigError if the start's arrays do not fit its configuration."""
         self._config = config = start.config
         self._seed = seed
         self._rng = np.random.default_rng([seed, 0])
@@ -52,11 +52,11 @@ class OnlineAgent:
 
     @property
     def policy(self) -> Policy:
-        """As it is now."""
+        """Current policy."""
         return self._agent.policy()
 
     def learn(self, ball: FinishedBall) -> None:
-        """From a ball that was struck on a decision."""
+        """Learn from a ball and the decision it was played with."""
         self._buffer.add(transition_of_ball(ball, self._config, self._actions, self._balls))
         if len(self._buffer) == self._buffer.capacity:
             self._buffer.keep(np.arange(len(self._buffer)) >= len(self._buffer) // 2)
@@ -69,7 +69,7 @@ class OnlineAgent:
         self._of_stage[np.argmin(np.abs(speeds_mps - ball.speed_mps))] += 1
 
     def save(self, run: Path) -> None:
-        """Write all of it as a finished run.
+        """Save as a finished run.
 
         Raises:
             ConfigError: if there is one of that name, or it cannot be written.
@@ -88,7 +88,7 @@ class OnlineAgent:
         save_as_run(run, config, self.policy, arrays, about)
 
     def _counted(self) -> RunConfig:
-        """The configuration with the balls that there were, each in the stage whose serves are nearest to its speed."""
+        """Config with the number of balls played, each counted in the stage nearest to its speed."""
         curriculum = self._config.curriculum
         before = np.array(curriculum.episodes) if self._went_on else 0
         episodes = tuple(np.maximum(before + self._of_stage, 1).tolist())

@@ -1,4 +1,4 @@
-"""How online learning goes: one row per ball, frozen, for whoever shows it."""
+"""Progress of online learning: one row per ball, frozen."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from core.physics.episode import Case
 
 Array = NDArray[np.float64]
 WINDOW: Final = 10
-"""Balls that a median or a share is over."""
+"""Number of balls in a median or share."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class LearnedBall:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LearningProgress:
-    """Since learning began, or was reset."""
+    """Progress since learning began, or was reset."""
 
     start: str
     """Name of the run that it began from, or `start.NOTHING`."""

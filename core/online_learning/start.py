@@ -32,22 +32,22 @@ EXPLORATION: Final = ExplorationConfig(random_episodes=10, scale=0.1, decay=0.93
 """Ten random strokes as in training; the noise falls faster, as people watch: 0.02 of the range after 22 balls."""
 
 GOALS: Final = GoalConfig(low_x_m=0.25, high_x_m=1.25, half_width_m=0.65)
-"""Nearly wherever a person may aim."""
+"""Targets: nearly every place that a user can choose."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LearningStart:
-    """Where learning begins, and begins again after a reset."""
+    """Start of learning, also after a reset."""
 
     name: str
-    """Of the run, or `NOTHING`."""
+    """Name of the run, or `NOTHING`."""
     config: RunConfig
     arrays: Arrays
-    """Of the run's checkpoint; empty for `NOTHING`."""
+    """Arrays of the run's checkpoint; empty for `NOTHING`."""
 
 
 def start_from_nothing() -> LearningStart:
-    """A landing model that knows nothing, for serves of every speed."""
+    """Untrained landing model, for serves of every speed."""
     speeds = STAGE_SPEEDS_MPS
     config = RunConfig(
         agent="landing-model",
@@ -69,7 +69,7 @@ def can_start_from(run: Path) -> bool:
 
 
 def start_from_run(run: Path) -> LearningStart:
-    """Agent and balls of a run's first seed, to go on from.
+    """Agent and balls of a run's first seed, to resume from.
 
     Raises:
         ConfigError: if it is no run of the landing model on plain states, or has no checkpoint that can be read.
@@ -96,7 +96,7 @@ def _can_go_on(config: RunConfig) -> bool:
 
 
 def save_as_run(run: Path, config: RunConfig, policy: Policy, arrays: Arrays, about: dict[str, object]) -> None:
-    """Write what was learned as a finished run of one seed; until the last file is there it is none.
+    """Save as a finished run of one seed; it is a run only once the last file is written.
 
     Raises:
         ConfigError: if there is one already, or it cannot be written.

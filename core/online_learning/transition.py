@@ -1,4 +1,4 @@
-"""A ball of a live rally as a row of the replay buffer: what was known, what was done, what came of it."""
+"""A ball of a live rally as a row of the replay buffer: state, action, outcome."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from core.table import BALL_RADIUS_M
 
 Array = NDArray[np.float64]
 LANDS: Final = (Case.OWN_HALF, Case.OUT, Case.RETURNED)
-"""Cases of balls that come down before they touch anything else."""
+"""Cases of balls that land before they touch anything else."""
 
 
 def landing_error_mm(ball: FinishedBall) -> float:
-    """From target to landing; NaN of a ball that did not come down, whatever a simulation says of it."""
+    """Distance from target to landing, mm; NaN for a ball that did not land, even if the simulation extrapolates it."""
     return 1000 * ball.error_m if ball.case in LANDS else math.nan
 
 
@@ -39,8 +39,8 @@ def transition_of_ball(
         low, high = CHOSEN_MPS
         action = np.append(action, 2 * (speed_mps - low) / (high - low) - 1)
     at = np.append(ball.landing_m, BALL_RADIUS_M)
-    told = BallOutcome(ball.case, ball.t_us * 1e-6, at, np.full(3, np.nan), ball.net_z_m)
-    outcome = outcomes_of(told, ball.serve_us * 1e-6)
+    judged_ball = BallOutcome(ball.case, ball.t_us * 1e-6, at, np.full(3, np.nan), ball.net_z_m)
+    outcome = outcomes_of(judged_ball, ball.serve_us * 1e-6)
     weights = reward_weights(episode, config.reward)
     return {
         "state": decision.state,
@@ -48,7 +48,7 @@ def transition_of_ball(
         "goal": ball.goal_m,
         "action": action,
         "reward": episode_rewards(outcome, ball.goal_m[None], weights, config.reward),
-        # A velocity there is not told, and nothing learns from it; nor from the place after a miss.
+        # The landing velocity is unknown and not learned from, as is the position after a miss.
         "next_state": np.nan_to_num(outcome.landing_states[0, :6]),
         "case": np.array([float(ball.case)]),
         "net_z": outcome.net_z_m,

@@ -1,4 +1,4 @@
-"""What came of a stroke, judged from the points of the chain alone: case, landing, height at the net, each with how
+"""Outcome of a stroke, classified from the points of the chain alone: case, landing, height at the net, each with how
 sure that is.
 """
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 MAX_POINTS = 4000
-"""Of one ball; a ball that lies about does not fill the memory."""
+"""Most points of one ball, so that a ball at rest does not fill the memory."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,7 +27,7 @@ class BallPoints:
         return len(self.t_s)
 
     def part(self, which: slice | NDArray[np.bool_] | NDArray[np.intp]) -> BallPoints:
-        """Some of them."""
+        """Selected points."""
         return BallPoints(self.start_us, self.t_s[which], self.ps_m[which], self.covariances_m2[which])
 
 
@@ -49,11 +49,11 @@ class BallLog:
 
     @property
     def last_us(self) -> int | None:
-        """When the newest point was; None without one."""
+        """Time of the newest point; None without one."""
         return int(self._t_us[self._count - 1]) if self._count else None
 
     def add(self, t_us: int, p_m: Array, covariance_m2: Array) -> bool:
-        """Take a point; False for one that is no later than the last, not finite, or too many."""
+        """Add a point; False for one that is not later than the last, not finite, or too many."""
         n = self._count
         if n == MAX_POINTS or (n and t_us <= self._t_us[n - 1]) or not np.isfinite(p_m).all():
             return False
@@ -68,7 +68,7 @@ class BallLog:
         self._count = count
 
     def points(self) -> BallPoints:
-        """All so far; to be used before the next one is added."""
+        """All points so far; valid until the next one is added."""
         n = self._count
         start_us = int(self._t_us[0]) if n else 0
         t_s = np.asarray((self._t_us[:n] - start_us) * 1e-6, np.float64)

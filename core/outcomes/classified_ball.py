@@ -1,4 +1,4 @@
-"""One judgement: what the points of a struck ball say came of it."""
+"""Classification of one struck ball from its points."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from core.table import BALL_RADIUS_M, NET_HEIGHT_M
 Array = NDArray[np.float64]
 
 FIRST_LOOK_S: Final = 0.040
-"""Of the outgoing flight, from which its first contact is foretold (choice)."""
+"""Length of the outgoing flight from which its first contact is predicted (choice)."""
 ROUNDS: Final = 4
 """The flight is fitted up to where it may touch something, which depends on the fit."""
 STOPPED_M: Final = 0.7
@@ -30,45 +30,45 @@ STOPPED_M: Final = 0.7
 nothing was seen of that flight)."""
 MARGIN_M: Final = 0.05
 SIGMAS: Final = 3.0
-"""So near an edge of table or net, and so many standard deviations, a ball may touch it."""
+"""Standard deviations within which a ball near an edge of table or net may touch it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClassifiedStroke:
-    """What came of a ball, judged by perception. NaN where there was no stroke; times are those of the points."""
+    """Outcome of a ball, classified by perception. NaN where there was no stroke; times are those of the points."""
 
     t_us: int
-    """When it was said."""
+    """Time of the classification."""
     case: Case
-    """The most probable one."""
+    """The most probable case."""
     probabilities: Array
     """(6,) by the value of `Case`; the first is zero."""
     hit_us: float
-    """When the ball met the racket."""
+    """Time of the impact on the racket, us."""
     hit_state: Array
-    """(6,) position and velocity just after that."""
+    """(6,) position and velocity just after the impact."""
     hit_covariance: Array
-    """(6, 6) of it."""
+    """(6, 6) covariance of `hit_state`."""
     landing_us: float
     landing_m: Array
-    """(3,) where it comes down to the table's plane, net and floor ignored."""
+    """(3,) landing point in the table's plane, net and floor ignored."""
     landing_covariance_m2: Array
     """(2, 2) of x and y."""
     landing_v_mps: Array
-    """(3,) there."""
+    """(3,) velocity there."""
     net_z_m: float
     """Height of its centre over x = 0; NaN if it does not get there."""
     net_sigma_m: float
     contact_us: float
-    """Of the first contact after the racket."""
+    """Time of the first contact after the racket, us."""
     contact_m: Array
-    """(3,) there."""
+    """(3,) position of the ball at this contact."""
     points: int
-    """Of the outgoing flight, without strays."""
+    """Points of the outgoing flight, without outliers."""
     serve: ServeSeen | None = None
-    """The ball as it came; None if that was not seen."""
+    """The observed serve; None if it was not seen."""
     final: bool = False
-    """Whether nothing that is still to come is waited for."""
+    """Whether the classification is final."""
 
     @property
     def probability(self) -> float:
@@ -77,7 +77,7 @@ class ClassifiedStroke:
 
 
 def judge_stroke(points: BallPoints, turn_s: float, config: OutcomeClassifierConfig) -> ClassifiedStroke | None:
-    """What became of a ball that turned back at `turn_s`; None without enough points of the way back."""
+    """Classify a ball that turned back at `turn_s`; None without enough points of the way back."""
     guard_s = 1e-3 * config.guard_ms
     back_s = points.t_s[points.t_s > turn_s + guard_s]
     if len(back_s) < config.fewest_points:
@@ -135,7 +135,7 @@ def _evidence(fit: OutgoingFit) -> float:
 def _points_after(
     points: BallPoints, last_s: float, candidates: list[float], config: OutcomeClassifierConfig
 ) -> BallPoints:
-    """Those that speak about which contact it was: around and shortly after each that is possible."""
+    """Points around and shortly after each possible contact."""
     before_s, follow_s = 2e-3 * config.guard_ms, 1e-3 * config.follow_ms
     near = [(points.t_s > t - before_s) & (points.t_s < t + follow_s) for t in candidates]
     return points.part((points.t_s > last_s) & np.any(near, axis=0))
@@ -184,7 +184,7 @@ def _weighted_median(values: Array, weights: Array) -> float:
 
 
 def missed_stroke(t_us: int, probability: float) -> ClassifiedStroke:
-    """A ball that the racket did not meet: the other cases share what is left."""
+    """Classification of a ball that the racket missed: the other cases share the remaining probability."""
     return _without_flight(t_us, Case.MISSED, probability, np.full(3, np.nan))
 
 

@@ -1,4 +1,4 @@
-"""The umpire of perception: fed with the chain's points, it says of every ball that came what became of it."""
+"""Outcome classifier: from the chain's points, the outcome of every ball."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from core.physics.episode import Case
 Array = NDArray[np.float64]
 
 AGAIN_US: Final = 20_000
-"""A ball is judged at most so often."""
+"""Shortest time between two classifications of a ball."""
 SERVE_POINTS: Final = 6
 SERVE_MPS: Final = 1.5
 """A new flight whose first points come so fast towards the robot is the next serve (choice: no rebound does)."""
 SEEN_PAST: Final = 0.99
 NOT_SEEN_AGAIN: Final = 0.7
-"""That a ball was missed which was seen to go past, or not seen to come back (choice)."""
+"""Probability that a ball was missed that went past, or was not seen to come back (choice)."""
 FELL_DOWN: Final = 0.9
-"""That a ball touched the table's end which fell between it and the racket (choice)."""
+"""Probability that a ball that fell between racket and table touched the table's end (choice)."""
 AFTER: Final = 3
-"""Points after the contact, before what they show is believed."""
+"""Points after the contact that are needed before they count."""
 
 
 class OutcomeClassifier:
-    """Judges one ball after the other. One thread."""
+    """Classifies one ball after the other. Not thread-safe."""
 
     def __init__(self, config: OutcomeClassifierConfig | None = None, *, hit_x_m: float = -1.42) -> None:
         self.config = config or OutcomeClassifierConfig()
@@ -48,7 +48,7 @@ class OutcomeClassifier:
         self._begin_ball()
 
     def begin(self) -> None:
-        """A ball is served now: what comes next is it. Without this, serves are noticed when they are seen."""
+        """Announce a serve: the next ball is it. Without this, serves are detected when they are seen."""
         self._log.clear()
         self._phase = "flying"
         self._begin_ball()
@@ -56,7 +56,7 @@ class OutcomeClassifier:
     def _begin_ball(self) -> None:
         self.serve: ServeSeen | None = None
         self.newest: ClassifiedStroke | None = None
-        """What is known so far of the ball that flies, or was judged last."""
+        """Newest classification of the ball in flight, or of the last one."""
         self._turn_s: float | None = None
         self._again_us = 0
         self._expected_us: float | None = None
@@ -64,11 +64,11 @@ class OutcomeClassifier:
 
     @property
     def has_points(self) -> bool:
-        """Whether anything was seen of the ball."""
+        """Whether the ball was seen at all."""
         return len(self._log) > 0
 
     def step(self, state: ChainState) -> ClassifiedStroke | None:
-        """The final judgement of a ball, once, at the step that decides it; else None."""
+        """Final classification of a ball, once, at the step that decides it; else None."""
         if state.prediction is not None and state.prediction.hit_plane is not None:
             self._expected_us = 1e6 * state.prediction.hit_plane.t_s
         point, verdict = state.point, state.verdict
@@ -79,7 +79,7 @@ class OutcomeClassifier:
     def add(
         self, t_us: int, p_world_m: Array, covariance_m2: Array, *, is_new_flight: bool = False
     ) -> ClassifiedStroke | None:
-        """Add a point of any origin, in order of time."""
+        """Add a point, in order of time."""
         if is_new_flight:
             self._new_flight = 0
             if self._phase != "flying":
@@ -98,7 +98,7 @@ class OutcomeClassifier:
         return before or self.look(t_us)
 
     def look(self, now_us: int) -> ClassifiedStroke | None:
-        """The final judgement, if that much time has decided it."""
+        """Final classification, if the time that has passed decides it."""
         if self._phase != "flying" or not len(self._log):
             return None
         points = self._log.points()
@@ -111,7 +111,7 @@ class OutcomeClassifier:
         return x[-1] > self.config.reach_x_m and (x[-1] - x[0]) / (t[-1] - t[0]) < -SERVE_MPS
 
     def _next_serve(self, t_us: int) -> ClassifiedStroke | None:
-        """Begin with the ball that comes; the one before it is judged as it is, if it was not yet."""
+        """Start with the next ball; the previous one is classified now if it was not yet."""
         if self._phase == "flying" and len(self._log) == SERVE_POINTS:
             return None  # it is the ball that was announced
         before = self._as_it_is(t_us) if self._phase == "flying" else None

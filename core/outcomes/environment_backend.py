@@ -1,4 +1,4 @@
-"""Where balls are served and seen: what a perception needs of a hall, and nothing more."""
+"""Interface of an environment backend: serves balls and delivers camera events."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenBlock:
-    """What the cameras saw in [start_us, end_us): no ball, no contact, no outcome."""
+    """Events of the cameras in [start_us, end_us), without any truth."""
 
     start_us: int
     end_us: int
     events: dict[str, Events]
-    """By camera."""
+    """Events by camera."""
 
 
 class EnvironmentBackend(Protocol):
-    """A table with event cameras, a ball machine and a racket. One thread."""
+    """A table with event cameras, a ball machine and a racket. Not thread-safe."""
 
     @property
     def cameras(self) -> Mapping[str, Camera]:
-        """Calibrated, by name."""
+        """Calibrated cameras by name."""
         ...
 
     @property
@@ -40,11 +40,11 @@ class EnvironmentBackend(Protocol):
         ...
 
     def begin(self, seed: int) -> None:
-        """Start anew, if that is possible here; else go on."""
+        """Restart, if the backend can; else continue."""
         ...
 
     def serve(self, p_m: Array, v_mps: Array, spin_radps: Array) -> None:
-        """Tell the ball machine what to serve now. When and how fast it does is for the cameras to see."""
+        """Command the ball machine to serve. Time and speed of the serve are only seen by the cameras."""
         ...
 
     def aim(self, target: RacketTarget | None) -> None:
@@ -56,9 +56,9 @@ class EnvironmentBackend(Protocol):
         ...
 
     def advance(self) -> SeenBlock:
-        """What is seen next."""
+        """Next block of events."""
         ...
 
     def close(self) -> None:
-        """Give back threads and connections."""
+        """Close threads and connections."""
         ...

@@ -1,4 +1,4 @@
-"""Many flights at once, each with its own air and table: where each is at given times, and what it touches first.
+"""Many flights at once, each with its own constants: positions at given times, and the first contact.
 
 A row is (13,): position, velocity, spin, drag coefficient, restitution and friction of the table, share of the speed
 that a net gives back. The rules of contact are those of `core.physics.contact`.
@@ -24,9 +24,9 @@ Array = NDArray[np.float64]
 ROW: Final = 13
 DRAG, RESTITUTION, FRICTION, NET_SHARE = 9, 10, 11, 12
 STEP_S: Final = 0.010
-"""Of a flight: with air, exact to some micrometres."""
+"""Step of a flight: with air, exact to a few micrometres."""
 NET_ALONG: Final = 0.5
-"""Of the speed along the net is left after a touch."""
+"""Share of the speed along the net that is left after a touch."""
 FOUND: Final = 14
 """What `look_ahead` writes: landing time, position, velocity; height at the net; when it is over the net plane; first
 contact: its code, time, position."""
@@ -58,7 +58,9 @@ def places_along(rows: Array, t_s: Array, lift: float, ps_m: Array) -> None:
 
 @njit
 def look_ahead(rows: Array, lift: float, found: Array) -> None:
-    """Write to `found` (N, 14) what becomes of each row (N, 13): see `FOUND`; times count from the rows' own."""
+    """Write to `found` (N, 14) the landing and first contact of each row (N, 13), see `FOUND`; times are relative to
+    the rows.
+    """
     state = np.empty(9)
     for i in range(len(rows)):
         s = rows[i, :9]
@@ -80,7 +82,7 @@ def look_ahead(rows: Array, lift: float, found: Array) -> None:
 
 @njit
 def places_after(rows: Array, what: Array, contact_s: Array, t_s: Array, lift: float, ps_m: Array) -> None:
-    """Write to `ps_m` (N, K, 3) where each row is at ascending times (K,), thrown off what it touches first."""
+    """Write to `ps_m` (N, K, 3) each row's positions at ascending times (K,), after bouncing off its first contact."""
     s = np.empty(ROW)
     for i in range(len(rows)):
         s[:] = rows[i]

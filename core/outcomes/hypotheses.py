@@ -1,4 +1,4 @@
-"""What may become of a struck ball: flights drawn from what is known of it, weighed by what was seen afterwards."""
+"""Hypotheses of a struck ball's flight: samples of its posterior, weighted by later points."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ Array = NDArray[np.float64]
 RESTITUTION_SIGMA: Final = 0.04
 FRICTION_SIGMA: Final = 0.06
 NET_SHARES: Final = (0.0, 0.4)
-"""A net gives back some of the speed across it (choice)."""
+"""Share of the speed across the net that it gives back (choice)."""
 ODD: Final = 2e-3
-"""The share of cases that no drawn flight foretold (choice): nothing is ever certain."""
+"""Probability of outcomes that no sampled flight has (choice)."""
 CAP: Final = 9.0
-"""A point that fits no flight speaks no louder against one than this, squared normalised distance per coordinate."""
+"""Largest squared normalised distance per coordinate that counts against a flight (robustness)."""
 MAX_POINTS: Final = 24
 SEED: Final = 7
 
@@ -62,7 +62,7 @@ class Hypotheses:
 
 
 def draw_hypotheses(fits: Sequence[OutgoingFit], config: OutcomeClassifierConfig, after: BallPoints) -> Hypotheses:
-    """Flights of all kinds that explain the points about as well as the best, weighed by the points `after`."""
+    """Sample flights of all kinds that explain the points about as well as the best, weighted by the points `after`."""
     best = max(fit.log_evidence for fit in fits)
     shares = np.exp(np.array([fit.log_evidence for fit in fits]) - best)
     shares /= shares.sum()
@@ -84,7 +84,7 @@ def draw_hypotheses(fits: Sequence[OutgoingFit], config: OutcomeClassifierConfig
 def _draw(
     fit: OutgoingFit, count: int, share: float, config: OutcomeClassifierConfig, after: BallPoints
 ) -> tuple[Array, ...]:
-    rng = np.random.default_rng(SEED)  # the same points are judged alike
+    rng = np.random.default_rng(SEED)  # equal points give equal results
     rows = np.tile(fit.row, (count, 1))
     spread = fit.covariance.copy()
     spread[:3, :3] += config.bias_m**2 * np.eye(3)

@@ -1,4 +1,4 @@
-"""The flight of a struck ball by its points: position and velocity after the contact, with their covariance.
+"""Fit of a struck ball's flight: position and velocity after the contact, with covariance.
 
 Least squares of all points at once, strays weighing less, with what is known of air and spin as a prior.
 """
@@ -21,11 +21,11 @@ Array = NDArray[np.float64]
 
 ROUNDS: Final = 8
 STRAY: Final = 16.0
-"""Squared normalised distance in three dimensions from which a point weighs less."""
+"""Squared normalised distance in three dimensions beyond which a point is down-weighted."""
 WIDE_M, WIDE_MPS = 5.0, 20.0
 """What is known of a struck ball before it is seen: that it is in the hall."""
 STEPS: Final = np.array([1e-4] * 3 + [1e-3] * 3 + [1.0] * 3 + [1e-2])
-"""Of the slopes, in the unit of each unknown."""
+"""Steps of the numerical derivatives, in the unit of each unknown."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,14 +36,14 @@ class OutgoingFit:
     row: Array
     """(13,) of `flight_kernel`."""
     covariance: Array
-    """(10, 10) of position, velocity, spin and drag; zeros for what was not asked."""
+    """(10, 10) covariance of position, velocity, spin and drag; zeros for fixed ones."""
     lift: float
     log_evidence: float
-    """For this kind of flight, but for a constant that all kinds share."""
+    """Log evidence for this kind of flight, up to a constant that all kinds share."""
     points: int
-    """That were not strays."""
+    """Number of points without outliers."""
     misfit: float
-    """Mean squared normalised distance per coordinate: 1 where the noise is what the points say."""
+    """Mean squared normalised distance per coordinate: 1 if the points' covariances are right."""
 
     @property
     def has_air(self) -> bool:
@@ -87,7 +87,7 @@ def fit_outgoing(points: BallPoints, at_s: float, config: OutcomeClassifierConfi
 
 
 def _first_guess(points: BallPoints, at_s: float, config: OutcomeClassifierConfig, *, air: bool) -> Array:
-    """(13,) gravity through the points, by the medians of thirds: strays do not matter yet."""
+    """(13,) free fall through the points, by the medians of thirds (robust to outliers)."""
     t, row = points.t_s - at_s, np.zeros(ROW)
     lifted = points.ps_m.copy()
     lifted[:, 2] += 0.5 * GRAVITY_MPS2 * t**2
@@ -103,7 +103,7 @@ def _first_guess(points: BallPoints, at_s: float, config: OutcomeClassifierConfi
 
 
 def _slopes(row: Array, t_s: Array, lift: float, unknowns: int) -> tuple[Array, Array]:
-    """Positions (K, 3), and how they change with the unknowns (K, 3, n)."""
+    """Positions (K, 3), and their derivatives by the unknowns (K, 3, n)."""
     rows = np.tile(row, (1 + unknowns, 1))
     which = np.arange(unknowns)
     rows[1 + which, which] += STEPS[:unknowns]

@@ -1,4 +1,4 @@
-"""The one-step task with nothing but what cameras see: state, speed and instant of the serve, and the outcome."""
+"""The one-step task from cameras alone: state, speed and time of the serve, and the outcome."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ logger = logging.getLogger(__name__)
 
 WINDOW_US: Final = 2000
 LONGEST_US: Final = 5_000_000
-"""No ball takes longer."""
+"""Longest duration of a ball."""
 SILENT_US: Final = 1_500_000
-"""A ball that is not seen for so long after the machine was told to serve did not come (choice)."""
+"""A ball unseen for this long after the serve command did not come (choice)."""
 QUIET_US: Final = 150_000
 REST_US: Final = 2_000_000
-"""Between two balls: until nothing was seen for the first time, and no longer than the second."""
+"""Rest between two balls: until nothing was seen for the first time, at most the second."""
 LEAD_US: Final = 50_000
-"""The stroke is decided on the newest prediction when so much time is left, as with told outcomes."""
+"""Time before the impact at which the stroke is decided, as with outcomes from the simulation."""
 
 
 class PerceivedBackend:
-    """Plays balls on a court, and judges them itself: no truth, and no constants of the court's physics either."""
+    """Plays balls in an environment backend and classifies them itself, without truth or known constants."""
 
     def __init__(
         self,
@@ -52,7 +52,7 @@ class PerceivedBackend:
         chain: ChainConfig | None = None,
         judge: OutcomeClassifierConfig | None = None,
     ) -> None:
-        """The chain finds out by itself how balls fly.
+        """The chain learns the physical constants by itself.
 
         Raises:
             CalibrationError: if the cameras of the court cannot see depth.
@@ -64,23 +64,23 @@ class PerceivedBackend:
         self._chain = RallyChain(world_backend.cameras, dataclasses.replace(config, predictor=predictor))
         self._judge = OutcomeClassifier(judge, hit_x_m=hit_x_m)
         self.served_us = 0
-        """When the ball machine was told to serve."""
+        """Time of the serve command, us."""
         self.judged: ClassifiedStroke | None = None
-        """What was judged of the last ball."""
+        """Classification of the last ball."""
 
     @property
     def serve_seen(self) -> ServeSeen | None:
-        """The last serve as it was seen; None if it was not."""
+        """The last serve as observed; None if it was not seen."""
         return self._judge.serve
 
     def begin(self, seed: int) -> None:
-        """Start the court anew."""
+        """Restart the environment."""
         self._world_backend.begin(seed)
         self._chain.reset()
         self._judge.reset()
 
     def observe(self, delivery: ServeBatch) -> ServeBatch:
-        """Have a ball served, and watch it until the stroke has to be decided."""
+        """Serve a ball, and observe it until the stroke has to be decided."""
         self._rest()
         serves = delivery.serves
         self.served_us, self.judged = self._world_backend.now_us, None
@@ -108,7 +108,7 @@ class PerceivedBackend:
         )
 
     def play(self, delivery: ServeBatch, action: Array) -> Outcomes:
-        """Send the racket there, and watch what comes of the ball. Times count from when the serve was first seen."""
+        """Send the racket, and observe the outcome. Times count from the first observation of the serve."""
         if delivery.seen[0]:
             self._aim(delivery, action)
         while self.judged is None and self._world_backend.now_us - self.served_us < LONGEST_US:
@@ -118,7 +118,7 @@ class PerceivedBackend:
         return outcomes_as_judged(self.judged, self._origin_us())
 
     def close(self) -> None:
-        """Close the court."""
+        """Close the environment."""
         self._world_backend.close()
 
     def _origin_us(self) -> int:
@@ -134,7 +134,7 @@ class PerceivedBackend:
             self.judged = self._judge.newest or missed_stroke(self._world_backend.now_us, NOT_SEEN_AGAIN)
 
     def _watch(self, block: SeenBlock) -> HitPlane | None:
-        """The newest prediction that this block's events led to; a judgement is kept."""
+        """Process a block's events; returns the newest prediction, and stores a classification."""
         found = None
         for windows in block_windows(block.events, block.start_us, block.end_us, WINDOW_US):
             state = self._chain.step(windows)
@@ -164,7 +164,7 @@ class PerceivedBackend:
             logger.info("racket target refused: %s", error)
 
     def _rest(self) -> None:
-        """Send the racket back, and wait until the last ball has rolled out of sight."""
+        """Send the racket to rest, and wait until the last ball is out of sight."""
         self._world_backend.aim(None)
         begun_us = quiet_us = self._world_backend.now_us
         while (
@@ -179,7 +179,7 @@ class PerceivedBackend:
 
 
 def outcomes_as_judged(judged: ClassifiedStroke, origin_us: int) -> Outcomes:
-    """One row: a judgement as what learning needs, with times since `origin_us`. Spins stay unknown (NaN)."""
+    """Outcomes with one row from a classification, with times since `origin_us`. Spins are unknown (NaN)."""
 
     def since_s(t_us: float) -> Array:
         return np.array([(t_us - origin_us) * 1e-6])

@@ -1,4 +1,4 @@
-"""When a serve was first seen, and how fast it was then."""
+"""Time and speed of a serve when it was first seen."""
 
 from __future__ import annotations
 
@@ -13,33 +13,33 @@ from core.table import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
 SPAN_S: Final = 0.060
-"""Of the first points (choice): short of the bounce, and long enough for centimetres a second."""
+"""Duration of the first points used (choice): before the bounce, and long enough for an error of some cm/s."""
 FEWEST: Final = 5
 SLOWEST_MPS: Final = 1.0
-"""Towards the robot; what comes slower is no serve (choice)."""
+"""Slowest speed of a serve towards the robot (choice)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ServeSeen:
-    """A ball that came."""
+    """An observed serve."""
 
     t_us: int
-    """Of its first point: the ball was served at this time or just before."""
+    """Time of its first point: the ball was served then or just before."""
     p_world_m: Array
     """(3,) there."""
     v_world_mps: Array
     """(3,) there."""
     sigma_mps: float
-    """Of the speed, by the scatter of the points about the fitted flight."""
+    """Standard deviation of the speed, from the scatter of the points about the fitted flight."""
 
     @property
     def speed_mps(self) -> float:
-        """How fast it was when it was first seen."""
+        """Speed when it was first seen, m/s."""
         return float(np.linalg.norm(self.v_world_mps))
 
 
 def see_serve(points: BallPoints) -> ServeSeen | None:
-    """The serve by its first points; None without enough of them, or if nothing comes towards the robot."""
+    """Serve from its first points; None without enough of them, or if the ball does not come towards the robot."""
     first = points.part(points.t_s <= SPAN_S)
     if len(first) < FEWEST or first.t_s[-1] < SPAN_S / 3:
         return None
@@ -64,7 +64,7 @@ class _FreeFall:
 
 
 def _free_fall(t_s: Array, ps_m: Array) -> _FreeFall:
-    """Gravity through points (K, 3): state at time zero."""
+    """Fit of free fall to points (K, 3): state at time zero."""
     lifted = ps_m.copy()
     lifted[:, 2] += 0.5 * GRAVITY_MPS2 * t_s**2
     design = np.column_stack([np.ones(len(t_s)), t_s])

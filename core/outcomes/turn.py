@@ -1,4 +1,4 @@
-"""Where the points of a ball turn back: the stroke, found in the track alone."""
+"""Detection of the stroke in a ball's track: where it turns back."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from core.table import BALL_RADIUS_M
 
 Array = NDArray[np.float64]
 RISE_M: Final = 0.03
-"""Along x, before a ball is believed to come back (choice: many times the noise, and 10 ms of a slow return)."""
+"""Distance along x after which a ball counts as coming back (choice: many times the noise, 10 ms of a slow return)."""
 RISING_POINTS: Final = 5
 PAST_POINTS: Final = 3
 NEAR_PLANE_M: Final = 0.05
 SHORT_M: Final = 0.08
-"""Of where a ball would be that nothing had stopped (choice)."""
+"""Distance by which a ball falls short of its undisturbed flight after a turn (choice)."""
 LOOK_BACK_S: Final = 0.25
-"""For the place of the turn, before the point that shows it."""
+"""The turn is searched this long before the point that shows it."""
 BEFORE_S: Final = 0.040
-"""Of the flight before the stroke say how it came (choice)."""
+"""Duration of the flight before the stroke from which the incoming state is estimated (choice)."""
 
 
 def turned(points: BallPoints, config: OutcomeClassifierConfig) -> float | None:
@@ -81,7 +81,7 @@ def contact_time(points: BallPoints, turn_s: float, x_m: float, vx_mps: float, a
     if vx_mps - slope < 0.5:
         return turn_s
     met_s = turn_s + (offset - (x_m + vx_mps * (turn_s - at_s))) / (vx_mps - slope)
-    # A line through a few points cannot be trusted farther than the gap in which nothing was seen.
+    # A line through a few points is extrapolated no farther than the gap without points.
     seen = points.t_s[points.t_s > turn_s + 1e-9]
     return float(np.clip(met_s, before.t_s[-1], seen[min(3, len(seen) - 1)] if len(seen) else turn_s))
 

@@ -1,4 +1,4 @@
-"""Ball states recorded from human play, as a list of JSON objects: where balls are that somebody has just struck."""
+"""Ball states recorded from human play just after a stroke, as a list of JSON objects."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from core.text.json_text import parse_json
 Array = NDArray[np.float64]
 
 KEYS: Final = ("pos_x", "pos_y", "pos_z", "vel_x", "vel_y", "vel_z", "w_vel_x", "w_vel_y", "w_vel_z")
-"""Of one state, besides an id: position in metres, velocity in m/s, spin in rad/s. X along the table's width, Y along
-its length, Z up, origin at the centre of the table's top surface."""
+"""Keys of one state, besides an id: position in metres, velocity in m/s, spin in rad/s. X along the table's width, Y
+along its length, Z up, origin at the centre of the table's top surface."""
 MAX_BYTES: Final = 64 << 20
 MAX_STATES: Final = 200_000
 FARTHEST_M: Final = 5.0
@@ -49,7 +49,7 @@ def read_ball_states(path: Path) -> Serves:
 
 
 def join_serves(parts: list[Serves]) -> Serves:
-    """All of them in one."""
+    """Concatenate serves."""
     columns = zip(*((part.ps_m, part.vs_mps, part.spins_radps) for part in parts), strict=True)
     return Serves(*(np.concatenate(column) for column in columns))
 

@@ -41,7 +41,7 @@ class TableImpactConfig:
     """Normal speed kept at a slow bounce. `paper` .90 is a choice; `real` .945 +- .009: fitted to recorded flights, see
     `core.table`. The ITTF's 30 cm drop that returns about 23 cm gives .88, other recorded play .93 to .96."""
     restitution_loss_s_per_m: float = setting(0.0, 0.0, 0.05)
-    """How much the restitution falls per m/s of normal speed."""
+    """Decrease of the restitution per m/s of normal speed."""
     friction: float = setting(0.15, 0.0, 1.0)
     """Coulomb coefficient. `paper` 0.15 is a choice: with 0.25 a spinless 3 m/s serve loses so much speed that it falls
     below the table's edge before the hitting plane. `real` .227 +- .010: fitted, see `core.table`; the literature
@@ -60,10 +60,10 @@ class RubberImpactConfig:
     restitution_loss_s_per_m: float = setting(0.0, 0.0, 0.05)
     """How much the restitution falls per m/s of normal speed. `real` .020."""
     tangential_restitution: float = setting(0.0, 0.0, 0.95)
-    """How much of the contact point's tangential velocity is thrown back: 0 sticks (`paper`, a choice), 1 would be a
+    """Share of the contact point's tangential velocity that is reversed: 0 sticks (`paper`, a choice), 1 would be a
     perfect super ball. `real` .819 for inverted rubber."""
     tangential_loss_s_per_m: float = setting(0.0, 0.0, 0.05)
-    """How much that falls per m/s of tangential speed. `real` .010."""
+    """Decrease of the tangential restitution per m/s of tangential speed. `real` .010."""
     friction: float = setting(0.80, 0.0, 2.0)
     """Coulomb coefficient: the limit of the tangential impulse."""
     spin_retention: float = setting(1.0, 0.0, 1.0)
@@ -83,7 +83,7 @@ class PhysicsConfig:
     racket_radius_m: float = setting(0.08, 0.02, 0.5)
     """The face is a disc; a ball whose centre passes it farther out misses (choice; a blade is 15 to 16 cm wide)."""
     racket_thickness_m: float = setting(0.10, 0.01, 0.3)
-    """Of the solid body behind the face: thick, so that a soft contact that sinks in does not come out at the back."""
+    """Thickness of the solid body behind the face: large, so that a soft contact does not come out at the back."""
     net_restitution: float = setting(0.10, 0.0, 1.0)
     """Speed kept across the net by a ball that touches it (choice; after the outcome is decided)."""
     net_drag: float = setting(0.5, 0.0, 1.0)
@@ -96,7 +96,7 @@ class PhysicsConfig:
 
     @property
     def has_air(self) -> bool:
-        """Whether the flight is more than a parabola."""
+        """Whether drag or Magnus force act."""
         return self.air.drag_coefficient > 0 or self.air.magnus_coefficient > 0
 
 

@@ -1,4 +1,4 @@
-"""What a flying ball touches first: the table's top, its end, the net or the floor.
+"""First contact of a flying ball: the table's top, its end, the net or the floor.
 
 The rules, where the paper says only "first contact" (choices):
 - The ball's lowest point decides. A ball is on the table if that point is over the top when it comes down to it; one

@@ -1,4 +1,4 @@
-"""Where a short piece of flight, known at both ends, crosses the planes that matter.
+"""Crossings of a short flight segment, known at both ends, with the relevant planes.
 
 Between its ends a piece is the cubic through both positions and velocities: exact for gravity alone, and with air off
 by nanometres over 10 ms. So a coarse simulation step finds the instant of an impact exactly.

@@ -1,4 +1,4 @@
-"""The values of the one-step task, as arrays over episodes: serves, how they arrive, strokes, what comes of them."""
+"""Values of the one-step task as arrays over episodes: serves, arrivals, strokes, outcomes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Case(IntEnum):
 CASE_OF_CONTACT: Final = np.array(
     [Case.OUT, Case.OWN_HALF, Case.NET, Case.OUT, Case.RETURNED, Case.OWN_HALF, Case.OUT], np.int8
 )
-"""By the codes of `contact`: nothing, own top, net, floor, far top, own end, far end."""
+"""Case for each code of `contact`: nothing, own top, net, floor, far top, own end, far end."""
 
 
 class TimedStates(NamedTuple):
@@ -42,7 +42,7 @@ class TimedStates(NamedTuple):
 
     @staticmethod
     def unknown(count: int) -> TimedStates:
-        """To be filled in."""
+        """States that are all NaN, to be filled in."""
         return TimedStates(np.full(count, np.nan), np.full((count, 9), np.nan))
 
 
@@ -91,7 +91,7 @@ class Arrivals:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Strokes:
-    """What the racket does: an orientation and a constant velocity through the impact.
+    """Strokes: an orientation and a constant velocity of the racket through the impact.
 
     Without an aim the racket is where the ball is: the middle of its face meets the ball in the hitting plane. With one
     it goes to where the ball was predicted to be, and the ball may meet it off the middle, early, late, or not at all.
@@ -116,7 +116,7 @@ class Strokes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcomes:
-    """What came of the strokes. Everything is NaN where the racket missed, and `case` says so."""
+    """Outcomes of the strokes. Everything but `case` is NaN where the racket missed."""
 
     case: NDArray[np.int8]
     """(N,) values of `Case`."""

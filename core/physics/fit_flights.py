@@ -59,10 +59,10 @@ SPIN_PRIOR_RADPS: Final = 200.0
 """Standard deviation, each axis: play has 98 / 289 / 754 rad/s (5 / 50 / 95 %)."""
 STATE: Final = 9
 SCALES: Final = np.array([0.01, 0.01, 0.01, 0.1, 0.1, 0.1, 50.0, 50.0, 50.0])
-"""Of a start's unknowns: position, velocity, spin."""
+"""Scales of a start's unknowns: position, velocity, spin."""
 SHARED_SCALES: Final = np.array([0.1, 0.05, 0.05])
 LOWEST, HIGHEST = np.array([0.0, 0.5, 0.0]), np.array([1.0, 1.0, 1.0])
-"""Of drag coefficient, restitution and friction."""
+"""Bounds of drag coefficient, restitution and friction."""
 MAX_EVALUATIONS: Final = 60
 
 
@@ -79,17 +79,17 @@ class RecordedFlight:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedPhysics:
-    """What the fit found, with standard deviations."""
+    """Fitted constants with standard deviations."""
 
     drag_coefficient: float
     restitution: float
     friction: float
     magnus_coefficient: float
-    """As given."""
+    """The Magnus coefficient that was given; it is not fitted."""
     starts: Array
     """(flights, 9) position, velocity and effective spin at each flight's first point."""
     rms_m: float
-    """Of a coordinate."""
+    """Root mean square error of one coordinate, m."""
     median_m: float
     """Distance between a flight and its points: not moved by the few flights that touched something."""
 
@@ -171,7 +171,7 @@ class BootstrapSigmas:
 def bootstrap(
     flights: Sequence[RecordedFlight], fitted: FittedPhysics, samples: int, seed: int, progress: Callable[[float], None]
 ) -> BootstrapSigmas:
-    """How much the constants change with the choice of the flights, from which `fitted` was made."""
+    """Bootstrap of the constants over the flights from which `fitted` was made."""
     constants = np.array([fitted.drag_coefficient, fitted.restitution, fitted.friction])
     rng = np.random.default_rng(seed)
     found = np.empty((samples, 3))
@@ -219,7 +219,7 @@ def _residuals(x: Array, flights: Sequence[RecordedFlight], magnus: float) -> Ar
 
 
 def _sparsity(flights: Sequence[RecordedFlight]) -> lil_matrix:
-    """Which unknown moves which residual: the shared ones move all places, a start only its own flight."""
+    """Sparsity of the Jacobian: shared constants move all points, a start only its own flight."""
     counts = [3 * len(flight.t_s) for flight in flights]
     rows, unknowns = sum(counts) + 3 * len(flights), 3 + STATE * len(flights)
     pattern = lil_matrix((rows, unknowns), dtype=np.int8)

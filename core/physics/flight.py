@@ -48,7 +48,7 @@ def air_from_config(physics: PhysicsConfig) -> Air:
 def acceleration(
     vx: float, vy: float, vz: float, s: Array, drag_per_m: float, lift: float
 ) -> tuple[float, float, float]:
-    """What air and gravity do to a ball that has the spin of state `s`, at another velocity."""
+    """Acceleration by air and gravity of a ball with the spin of state `s`, at another velocity."""
     k = drag_per_m * math.sqrt(vx * vx + vy * vy + vz * vz)
     return (
         -k * vx + lift * (s[7] * vz - s[8] * vy),

@@ -49,7 +49,7 @@ class ElevationConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RacketSpeedConfig:
-    """Speed of the racket along +x at the impact, by serve speed (choice): to fast balls the racket gives way."""
+    """Speed of the racket along +x at the impact, by serve speed (choice): it is negative for fast balls."""
 
     at_3_mps: float = setting(3.0, -5.0, 8.0)
     at_4_mps: float = setting(1.8, -5.0, 8.0)
@@ -100,7 +100,7 @@ class ServeConfig:
     spin_spread_radps: float = setting(0.0, 0.0, 500.0)
     """Half the range of each spin component; 0 as in the paper."""
     only_legal: bool = True
-    """Draw again what touches the net, misses the table or does not reach the hitting plane."""
+    """Redraw serves that touch the net, miss the table or do not reach the hitting plane."""
 
     def __post_init__(self) -> None:
         check_settings(self)

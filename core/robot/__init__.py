@@ -1,4 +1,4 @@
-"""A robot of one's own on the documented link: targets within limits, its acknowledged state, stops."""
+"""An external robot on the documented link: targets within limits, its state, stops."""
 
 from core.robot.latency_test import measure_robot
 from core.robot.robot_client import RobotClient

@@ -1,4 +1,4 @@
-"""A step test of a robot of one's own: by how much its racket is later than it was told to be.
+"""Step test of an external robot: the latency of its racket.
 
 The racket goes some centimetres to the side and back, from rest to rest. When it heard of a step, when it was to be
 there and when it was where are all times of the robot's own clock, so the way of the messages is not in the figure. A
@@ -24,26 +24,26 @@ Array = NDArray[np.float64]
 
 STEPS: Final = 10
 STEP_M: Final = 0.04
-"""To the side: halfway it moves by 0.24 m/s, so that 0.2 mm are 1 ms."""
+"""Length of a step to the side: halfway it moves at 0.24 m/s, so 0.2 mm are 1 ms."""
 TAKES_S: Final = 0.25
 LONGEST_S: Final = 1.5
-"""For robots that are not so fast; one that takes longer still is not measured."""
+"""Longest step, for slow robots; one that takes longer is not measured."""
 SHARE_OF_LIMITS: Final = 0.5
-"""Of its speed and acceleration."""
+"""Share of the robot's limits of speed and acceleration that is used."""
 LATEST_S: Final = 0.25
-"""Waited for after it was to be there."""
+"""Longest wait after the arrival time."""
 REST_S: Final = 0.1
 REST_M: Final = 0.0003
-"""It rests where its places of the last REST_S are so near each other."""
+"""The robot is at rest when its positions of the last REST_S differ by less than this."""
 REST_WITHIN_S: Final = 5.0
 REACHED: Final = 0.8
-"""Of the way; one that never comes so far did not go where it was sent. What it lacks is no lateness."""
+"""Share of the way that has to be reached; a robot that stops short of it did not follow the command."""
 LONGEST_GAP_S: Final = 0.025
-"""Longer without a state on the way: where it was halfway is not known well, and the step is taken again."""
+"""Longest gap between states during a step; the step is repeated after a longer one."""
 TRIES: Final = 4
-"""So many times as many steps at most."""
+"""Most attempts, as a multiple of the steps."""
 FIRST_TRIES: Final = 5
-"""If none of the first goes where it was sent, it is not tried on."""
+"""Failed first attempts after which the test ends."""
 LOOK_EVERY_S: Final = 0.005
 
 
@@ -81,7 +81,7 @@ def measure_robot(
 
 
 def _longest_gap_s(step: RacketStep) -> float:
-    """Without a state, while it was on its way."""
+    """Longest gap without a state during the motion, s."""
     moves = (step.t_s > step.sent_s) & (step.t_s < step.due_s + max(0.0, step.late_s))
     return float(np.diff(step.t_s[moves]).max(initial=0.0)) if moves.sum() > 1 else math.inf
 
@@ -98,8 +98,8 @@ def _step(robot: RobotClient, refuse: Callable[[], str], start: Array, goal: Arr
         if host_us() > due_us + 1e6 * (LATEST_S + 1):
             raise _broken_off("lost", f"it told nothing of {1e3 * LATEST_S:.0f} ms after a step ({now.t_us} us)")
         time.sleep(LOOK_EVERY_S)
-    told = robot.states_since(answer.t_us - 50_000)
-    t_s, ps = np.array([1e-6 * one.t_us for one in told]), np.array([one.p_m for one in told])
+    states = robot.states_since(answer.t_us - 50_000)
+    t_s, ps = np.array([1e-6 * one.t_us for one in states]), np.array([one.p_m for one in states])
     way = goal - start
     reached = float(((ps - start) @ way).max() / (way @ way))
     there = goal if reached < REACHED else start + reached * way
@@ -111,9 +111,9 @@ def _rest(robot: RobotClient, refuse: Callable[[], str]) -> Array:
     until_s = time.monotonic() + REST_WITHIN_S
     while True:
         now = _state(robot, refuse)
-        told = robot.states_since(round(now.t_us - 1e6 * REST_S))
-        ps = np.array([one.p_m for one in told])
-        whole = len(told) > 5 and 1e-6 * (now.t_us - told[0].t_us) > 0.8 * REST_S
+        states = robot.states_since(round(now.t_us - 1e6 * REST_S))
+        ps = np.array([one.p_m for one in states])
+        whole = len(states) > 5 and 1e-6 * (now.t_us - states[0].t_us) > 0.8 * REST_S
         if whole and float(np.ptp(ps, axis=0).max()) < REST_M:
             return np.asarray(ps.mean(axis=0), np.float64)
         if time.monotonic() > until_s:
@@ -162,5 +162,5 @@ def _takes_s(limits: RobotLimits, length_m: float) -> float:
     return takes_s
 
 
-def _broken_off(why: str, said: str) -> TargetRefusedError:
-    return TargetRefusedError(why, said, where="step test")
+def _broken_off(why: str, text: str) -> TargetRefusedError:
+    return TargetRefusedError(why, text, where="step test")

@@ -1,4 +1,4 @@
-"""Whether a racket may be sent somewhere: the one check that every target passes before it leaves, and on arrival.
+"""Check of a racket target against the robot's limits, before it is sent and on arrival.
 
 The way to a target is taken to be the cubic of least squared acceleration, axis by axis, from where the racket is now.
 A robot may move otherwise; one that cannot, or needs more room or force for it, has to tell tighter limits.
@@ -22,7 +22,7 @@ ROUNDING: Final = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FaceMotion:
-    """Where the middle of the face is (3,), how it stands (4,) wxyz, and how it moves (3,), in the world."""
+    """Pose of the racket's face in the world: position (3,), orientation (4,) wxyz, velocity (3,)."""
 
     p_m: Array
     q_wxyz: Array
@@ -41,21 +41,21 @@ class FaceMotion:
         return FaceMotion(p, q, v)
 
     def after(self, seconds: float) -> FaceMotion:
-        """If nothing changes."""
+        """Pose after some time at constant velocity."""
         return FaceMotion(self.p_m + self.v_mps * seconds, self.q_wxyz, self.v_mps)
 
     @property
     def finite(self) -> bool:
-        """Whether all of it are numbers."""
+        """Whether all values are finite."""
         return bool(np.isfinite(self.p_m).all() and np.isfinite(self.q_wxyz).all() and np.isfinite(self.v_mps).all())
 
 
 class MotionFault(NamedTuple):
-    """Why a target is not carried out."""
+    """Why a target is rejected."""
 
     why: str
     """One of WHY in `robot_messages`."""
-    said: str
+    detail: str
 
 
 def find_fault(
@@ -65,7 +65,7 @@ def find_fault(
     now: FaceMotion,
     limits: RobotLimits,
 ) -> MotionFault | None:
-    """What is wrong with being at `goal` in `lead_us`; None if nothing is."""
+    """Fault of reaching `goal` in `lead_us`; None if there is none."""
     if not goal.finite or (turn_radps is not None and not np.isfinite(turn_radps).all()):
         return MotionFault("bounds", "a number of the target is not finite")
     if not now.finite:
@@ -106,21 +106,21 @@ def _way_fault(goal: FaceMotion, lead_us: int, now: FaceMotion, limits: RobotLim
     left_s = lead_us * 1e-6
     angle = turned_by(now.q_wxyz, goal.q_wxyz)
     if not angle <= limits.max_turn_rate_radps * left_s + 1e-6:
-        said = (
+        detail = (
             f"{math.degrees(angle):.0f} degrees in {1e3 * left_s:.0f} ms, at most {limits.max_turn_rate_radps:g} rad/s"
         )
-        return MotionFault("unreachable", said)
+        return MotionFault("unreachable", detail)
     at_start, at_end = cubic_accelerations(goal, left_s, now)
     hardest = max(float(np.linalg.norm(at_start)), float(np.linalg.norm(at_end)))
     if not hardest <= limits.max_acceleration_mps2 * (1 + ROUNDING):
-        said = (
+        detail = (
             f"takes {hardest:.0f} m/s2 to be there in {1e3 * left_s:.0f} ms, at most {limits.max_acceleration_mps2:g}"
         )
-        return MotionFault("unreachable", said)
+        return MotionFault("unreachable", detail)
     fastest, low, high = _extremes(now, at_start, at_end, left_s)
     if not fastest <= limits.max_speed_mps * (1 + ROUNDING) + 1e-6:
-        said = f"takes {fastest:.2f} m/s to be there in {1e3 * left_s:.0f} ms, at most {limits.max_speed_mps:g}"
-        return MotionFault("unreachable", said)
+        detail = f"takes {fastest:.2f} m/s to be there in {1e3 * left_s:.0f} ms, at most {limits.max_speed_mps:g}"
+        return MotionFault("unreachable", detail)
     if not (_inside(low, limits, now) and _inside(high, limits, now)):
         return MotionFault("unreachable", f"the way there leaves the box {_box(limits)}")
     return None

@@ -39,12 +39,12 @@ PING_EVERY_US: Final = 50_000
 HELLO_EVERY_US: Final = 200_000
 WAIT_MS: Final = 10
 VALID_US: Final = 100_000
-"""A target that was under way for longer is not to be begun: a newer one is on its way by then."""
+"""Validity of a target, us: an older one must not be started."""
 ANSWER_S: Final = 0.3
 
 
 class RobotClient:
-    """A connection to a robot that may come and go. Safe to use from any thread; it has one of its own.
+    """Connection to a robot that may appear and disappear. Thread-safe, with a thread of its own.
 
     Nothing is sent to it before a person has started it (`start`), and nothing after a stop, from either side, until
     somebody does so again.
@@ -63,7 +63,7 @@ class RobotClient:
         self._watch = RobotWatch(address, config or RobotWatchConfig(), stop=StopNote("rallyscope", NOT_STARTED))
         self._number = 0
         self._starting: int | None = None
-        """The request to start that has not been answered."""
+        """Pending start request."""
         self._answers: dict[int, RobotAnswer | None] = {}
         self._answered = threading.Condition(self._lock)
         self._pinged_us = self._greeted_us = -1e18
@@ -83,12 +83,12 @@ class RobotClient:
 
     @property
     def status(self) -> RobotStatus:
-        """How it is."""
+        """Status of the robot."""
         with self._lock:
             return self._watch.status(host_us())
 
     def states_since(self, robot_us: int) -> list[RobotState]:
-        """What it told of itself later than at a time of its clock, in order; of the last seconds."""
+        """Its states later than a time of its clock, in order; of the last seconds."""
         with self._lock:
             return [state for state in self._watch.states if state.t_us > robot_us]
 
@@ -123,17 +123,17 @@ class RobotClient:
                 raise TargetRefusedError(answer.why, answer.said, where="the robot")
         return answer
 
-    def reject_locally(self, why: str, said: str) -> TargetRefusedError:
-        """Count a target that does not leave; the error says why."""
+    def reject_locally(self, why: str, detail: str) -> TargetRefusedError:
+        """Count a target that is not sent; returns the error."""
         with self._lock:
             is_fault = why in ("bounds", "unreachable", "late", "early")
             self._watch.count(kept_back=is_fault, not_ready=not is_fault)
             if is_fault or why == "clock":
-                self._watch.last_refusal = f"kept back: {said}"
-        return TargetRefusedError(why, said, where="not sent to the robot")
+                self._watch.last_refusal = f"kept back: {detail}"
+        return TargetRefusedError(why, detail, where="not sent to the robot")
 
     def stop(self, reason: str) -> None:
-        """Stop it: from now on nothing is sent, and the robot is told until it says that it has stopped."""
+        """Stop the robot: nothing is sent any more, and the stop is repeated until it is confirmed."""
         with self._lock:
             self._starting = None
             self._watch.halt(StopNote("rallyscope", reason[:200]))
@@ -141,7 +141,7 @@ class RobotClient:
                 self._orders.send(encode_robot(StopRobot(id=self._next(), reason=reason[:200])))
 
     def start(self) -> None:
-        """A person wants it to play. Only then targets are sent.
+        """Start the robot on a person's request; targets are sent only after that.
 
         Raises:
             TargetRefusedError: if the robot is not there, or does not want to.
@@ -162,7 +162,7 @@ class RobotClient:
             raise TargetRefusedError(answer.why, answer.said, where="the robot")
 
     def close(self) -> None:
-        """Stop the robot and hang up; may be called again."""
+        """Stop the robot and disconnect; may be called again."""
         if self._ended.is_set():
             return
         self.stop("Rallyscope was ended")
@@ -170,7 +170,7 @@ class RobotClient:
         self._thread.join()
         self._context.destroy(linger=200)
 
-    # The one way out.
+    # The only place that sends targets.
 
     def _checked_target(
         self, p_m: object, q_wxyz: object, v_mps: object, impact_us: float, turn_radps: tuple[float, ...] | None
@@ -248,7 +248,7 @@ class RobotClient:
     def _send(self, data: bytes) -> None:
         try:
             self._socket.send(data, zmq.NOBLOCK)
-        except zmq.ZMQError as error:  # nobody is there: what is not sent now must not be sent later
+        except zmq.ZMQError as error:  # no connection: unsent targets must not be sent later
             logger.debug("not sent: %s", error)
 
     def _receive(self) -> None:
@@ -291,7 +291,7 @@ class RobotClient:
             self._answered.notify_all()
 
     def _keep_up(self) -> None:
-        """Shake hands, compare clocks, repeat a stop: whatever is due."""
+        """Do what is due: handshake, clock comparison, repeated stop."""
         now_us, watch = host_us(), self._watch
         with self._lock:
             watch.look(now_us)

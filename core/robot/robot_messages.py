@@ -1,4 +1,4 @@
-"""Everything that travels between Rallyscope and a robot. See docs/how/robot-link.md.
+"""Messages between Rallyscope and a robot. See docs/how/robot-link.md.
 
 Like the messages of the simulation link each is one msgpack map {"v": version, "kind": name, ...fields}. Every `t_us`,
 `sent_us`, `valid_until_us` and `impact_us` is a time of the robot's own clock, which never runs backwards; `host_us` is
@@ -21,7 +21,7 @@ from core.live.link.fields import bounded_number, choice, flag, optional, part, 
 from core.live.link.messages import decode, encode
 
 ROBOT_MESSAGE_BYTES: Final = 4096
-"""Of any message; the longest that we send has some 400."""
+"""Largest message, bytes; the longest that we send has about 400."""
 TURN_BOUND: Final = 100.0
 PARTIES: Final = ("", "robot", "rallyscope")
 WHY: Final = (
@@ -45,7 +45,7 @@ class RobotLimits:
     """A unit vector: from it the normal of the face (its x axis) may be turned away by `max_tilt_rad`."""
     max_tilt_rad: float = bounded_number(0.0, math.pi, default=math.radians(60.0))
     max_lead_us: int = whole(1000, 10_000_000, default=2_000_000)
-    """Impacts farther ahead are refused."""
+    """Largest lead time of an impact; later impacts are rejected."""
 
     def __post_init__(self) -> None:
         if not all(low < high for low, high in zip(self.low_m, self.high_m, strict=True)):
@@ -58,11 +58,11 @@ class RobotLimits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HelloRobot:
-    """Asks who is there, and to command it."""
+    """Handshake and request to command the robot."""
 
     id: int = whole(0, WALL_NS)
     client: str = text(64)
-    """The same for as long as this Rallyscope runs; drawn at random."""
+    """Random identifier of this running Rallyscope."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,19 +92,19 @@ class StopRobot:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartRobot:
-    """A person wants it to play (again)."""
+    """Start playing, on a person's request."""
 
     id: int = whole(1, WALL_NS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PingRobot:
-    """Asks what its clock shows; says what is believed of it."""
+    """Query of its clock, with the current estimate."""
 
     id: int = whole(1, WALL_NS)
     host_us: int = whole(0, WALL_NS)
     offset_us: float | None = optional(bounded_number(-WALL_NS, WALL_NS))
-    """By the estimate the robot's clock shows `host_us` plus this."""
+    """Estimated robot clock minus `host_us`."""
     within_us: float | None = optional(bounded_number(0.0, WALL_NS))
     """Half the round trip of the best answer: the estimate cannot be farther off."""
 
@@ -115,7 +115,7 @@ class RobotWelcome:
 
     id: int = whole(0, WALL_NS)
     session: str = text(64)
-    """Another one whenever the robot's program is started."""
+    """Random number, new at each start of the robot's program."""
     name: str = text(64)
     limits: RobotLimits = part(RobotLimits)
     t_us: int = whole(0, WALL_NS)
@@ -123,13 +123,13 @@ class RobotWelcome:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotAnswer:
-    """What becomes of a target, a stop or a start; or why a message is none."""
+    """Reply to a target, a stop or a start, or error of an invalid message."""
 
     id: int = whole(0, WALL_NS)
     ok: bool = flag()
     why: str = choice(*WHY)
     said: str = text(300)
-    """The same for people."""
+    """The reason as a readable text."""
     t_us: int = whole(0, WALL_NS)
 
 
@@ -152,11 +152,11 @@ class RobotState:
     q_wxyz: tuple[float, ...] = vector(4, 1.001)
     v_mps: tuple[float, ...] = vector(3, 50.0)
     following: int = whole(0, WALL_NS)
-    """The target that it is about to carry out; 0: none."""
+    """Number of the target that it follows; 0: none."""
     stopped: str = choice(*PARTIES)
-    """By whom; "": it plays."""
+    """Who stopped it; "": it plays."""
     reason: str = text(200)
-    """Why it was stopped."""
+    """Reason of the stop."""
 
 
 TO_ROBOT: Final[dict[str, type]] = {

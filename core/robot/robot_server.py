@@ -1,4 +1,4 @@
-"""The robot's side of its link: answers Rallyscope, tells it where the racket is, and hands on what may be carried out.
+"""The robot's side of the link: answers Rallyscope, reports the racket's pose, and passes on valid targets.
 
 For the program of a robot in Python, which calls `turn` in its own loop; others speak the messages themselves.
 """
@@ -42,9 +42,9 @@ logger = logging.getLogger(__name__)
 
 STATE_EVERY_US: Final = 5_000
 FREE_US: Final = 1_000_000
-"""Who was silent for so long no longer commands: somebody else may."""
+"""Silence after which another client may take command."""
 MAX_AT_ONCE: Final = 50
-"""Messages that one turn answers."""
+"""Most messages per turn."""
 
 
 class RobotServer:
@@ -68,23 +68,23 @@ class RobotServer:
         check_reach(host, keys)
         self.limits: RobotLimits = read_fields(RobotLimits, write_fields(limits), "limits")
         self.now_us = clock_us
-        """The clock that all times are of, microseconds."""
+        """Clock of all times, us."""
         self.rejected = 0
-        """Messages that were none, or came from a stranger."""
+        """Invalid messages, and messages of other clients."""
         self.offset_us: float | None = None
-        """What Rallyscope believes that this clock is ahead of its own."""
+        """Rallyscope's estimate of this clock's offset to its own, us."""
         self._name, self._session = name[:64], uuid.uuid4().hex
         self._keeper = TargetArbiter(self.limits)
         self._commander: bytes | None = None
         self._client = ""
-        self._heard_us = self._told_us = 0
+        self._received_us = self._reported_us = 0
         self._context = zmq.Context()
-        self._door = LinkGateway(self._context, keys)
+        self._gateway = LinkGateway(self._context, keys)
         self._socket = self._context.socket(zmq.ROUTER)
         for option, value in ((zmq.LINGER, 0), (zmq.MAXMSGSIZE, 4 * ROBOT_MESSAGE_BYTES), (zmq.RCVHWM, 200)):
             self._socket.setsockopt(option, value)
         self._socket.setsockopt(zmq.SNDHWM, 200)
-        self._door.guard(self._socket)
+        self._gateway.guard(self._socket)
         try:
             self._socket.bind(f"tcp://{host}:{port or '*'}")
         except zmq.ZMQError as error:
@@ -101,13 +101,13 @@ class RobotServer:
 
     @property
     def stopped(self) -> str:
-        """By whom and why it is stopped; empty while it plays."""
+        """Who stopped it and why; empty while it plays."""
         return f"{self._keeper.stopped}: {self._keeper.reason}" if self._keeper.stopped else ""
 
     def stop(self, reason: str) -> None:
         """The robot stops by itself: nothing is carried out until a person starts it again in Rallyscope."""
         self._keeper.stop("robot", reason[:200])
-        self._told_us = 0
+        self._reported_us = 0
 
     def turn(self, p_m: ArrayLike, q_wxyz: ArrayLike, v_mps: ArrayLike) -> RobotTarget | None:
         """Hear and answer what has come, and tell where the racket is; never waits. Call it 100 times a second or more.
@@ -126,14 +126,14 @@ class RobotServer:
             self._hear(who, data, motion)
         now_us = self.now_us()
         target = self._keeper.target(now_us)
-        if abs(now_us - self._told_us) >= STATE_EVERY_US:
-            self._told_us = now_us
+        if abs(now_us - self._reported_us) >= STATE_EVERY_US:
+            self._reported_us = now_us
             self._tell(motion, target, now_us)
         return target
 
     def close(self) -> None:
-        """Give up the port; may be called again."""
-        self._door.close()
+        """Close the port; may be called again."""
+        self._gateway.close()
         if not self._context.closed:
             self._context.destroy(linger=0)
 
@@ -161,19 +161,19 @@ class RobotServer:
             self.rejected += 1
             self._answer(who, message.id, "stranger", "another Rallyscope commands it, or there was no hello")
         else:
-            self._heard_us = self.now_us()
-            self._keeper.hear(self._heard_us)
+            self._received_us = self.now_us()
+            self._keeper.hear(self._received_us)
             self._obey(who, message, motion)
 
     def _welcome(self, who: bytes, hello: HelloRobot) -> None:
         now_us = self.now_us()
         is_known = hello.client == self._client
-        if self._commander is not None and not is_known and now_us - self._heard_us < FREE_US:
+        if self._commander is not None and not is_known and now_us - self._received_us < FREE_US:
             self._answer(who, hello.id, "stranger", "another Rallyscope commands it")
             return
         if not is_known:
             self._keeper.begin_anew()
-        self._commander, self._client, self._heard_us = who, hello.client, now_us
+        self._commander, self._client, self._received_us = who, hello.client, now_us
         self._keeper.hear(now_us)
         welcome = RobotWelcome(id=hello.id, session=self._session, name=self._name, limits=self.limits, t_us=now_us)
         self._send(who, welcome)
@@ -185,7 +185,7 @@ class RobotServer:
                 self._send(who, RobotPong(id=message.id, host_us=message.host_us, t_us=self.now_us()))
             case RobotTarget():
                 fault = self._keeper.offer(message, motion, self.now_us()) or MotionFault("", "")
-                self._answer(who, message.id, fault.why, fault.said)
+                self._answer(who, message.id, fault.why, fault.detail)
             case StopRobot():
                 self._keeper.stop("rallyscope", message.reason, message.id)
                 self._answer(who, message.id)
@@ -193,8 +193,8 @@ class RobotServer:
                 started = self._keeper.start(message.id)
                 self._answer(who, message.id, *(() if started else ("older", "a newer request was here before")))
 
-    def _answer(self, who: bytes, number: int, why: str = "", said: str = "") -> None:
-        self._send(who, RobotAnswer(id=number, ok=not why, why=why, said=said[:300], t_us=self.now_us()))
+    def _answer(self, who: bytes, number: int, why: str = "", detail: str = "") -> None:
+        self._send(who, RobotAnswer(id=number, ok=not why, why=why, said=detail[:300], t_us=self.now_us()))
 
     def _send(self, who: bytes, message: object) -> None:
         try:

@@ -1,4 +1,4 @@
-"""The step test of a robot of one's own while a rally is followed: only when no ball flies, and led by from then on."""
+"""Step test of an external robot during a rally: only while no ball flies; its latency is compensated afterwards."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from core.robot import RobotClient, measure_robot
 logger = logging.getLogger(__name__)
 
 QUIET_US: Final = 1_000_000
-"""So long no ball may have been seen. It is asked all the time: a ball that comes ends the test."""
+"""Time without a ball before and during the test; a ball aborts it."""
 STANDS_S: Final = 1.0
-"""Whoever has seen nothing for so long does not know whether a ball flies."""
+"""Time without data after which it is unknown whether a ball flies."""
 
 
 @dataclass(frozen=True, slots=True)
 class StepTestReport:
-    """What is known of the robot's latency."""
+    """Report about the robot's latency."""
 
     running: bool = False
     done: float = 0.0
     """Share of the test that is running."""
     found: CommandLatency | None = None
-    """By the last test that came to its end."""
+    """Result of the last completed test."""
     problem: str = ""
-    """Why the last one did not."""
+    """Why the last test failed; empty if it did not."""
 
 
 class RobotStepTest:
@@ -52,7 +52,7 @@ class RobotStepTest:
         self._thread.start()
 
     def close(self) -> None:
-        """Wait for its end, which comes when the robot is stopped."""
+        """Wait for its end; stopping the robot ends it."""
         if self._thread is not None:
             self._thread.join()
 
@@ -90,7 +90,7 @@ class RobotStepTest:
         self.report = replace(self.report, done=share)
 
     def _refuse(self) -> str:
-        """Why the racket must not be moved for a test now; empty if it may."""
+        """Why a test is not allowed now; empty if it is."""
         snapshot, now_s = self._player.snapshot, time.monotonic()
         at = snapshot.session, snapshot.t_us
         if at != self._seen:
@@ -101,5 +101,5 @@ class RobotStepTest:
 
 
 def ball_flies(snapshot: RallySnapshot) -> bool:
-    """Whether a ball has been seen in space of late."""
+    """Whether a ball was triangulated recently."""
     return bool(snapshot.points) and snapshot.t_us - snapshot.points[-1].t_us < QUIET_US

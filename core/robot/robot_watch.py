@@ -1,4 +1,4 @@
-"""What is known of a robot, and whether something may be sent to it now: told by the client's thread, read by all."""
+"""Connection state of a robot, and whether targets may be sent; updated by the client's thread."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from core.config import check_settings, setting
 from core.robot.robot_messages import RobotLimits, RobotState, RobotWelcome
 
 SAMPLES: Final = 40
-"""Two seconds: in these, clocks drift apart by less than their answers can tell."""
+"""Number of clock samples, two seconds: too short for noticeable drift."""
 ENOUGH: Final = 3
-"""Answers that agree, before the clock counts as known."""
+"""Consistent replies needed before the clock counts as known."""
 TOLERANCE_US: Final = 2000.0
-"""Besides what the round trips leave open, for drift."""
+"""Tolerance for drift, in addition to the round trips' uncertainty."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,14 +24,14 @@ class ClockOffset:
 
     offset_us: float
     within_us: float
-    """It cannot be farther off: half the quickest round trip."""
+    """Largest possible error: half the quickest round trip."""
 
     def robot_us(self, host_us: float) -> int:
-        """What the robot's clock shows at a time of ours."""
+        """Robot's clock at a time of our clock."""
         return round(host_us + self.offset_us)
 
     def host_us(self, robot_us: float) -> float:
-        """What ours shows at a time of the robot's."""
+        """Our clock at a time of the robot's clock."""
         return robot_us - self.offset_us
 
 
@@ -40,22 +40,22 @@ class RobotClock:
 
     def __init__(self) -> None:
         self.jumps = 0
-        """How often it was set, or its answers otherwise made no sense."""
+        """Number of clock jumps or inconsistent replies."""
         self._samples: deque[ClockOffset] = deque(maxlen=SAMPLES)
 
     @property
     def estimate(self) -> ClockOffset | None:
-        """By the quickest answer of late; None while it is not known."""
+        """Estimate from the quickest recent reply; None while unknown."""
         return min(self._samples, key=lambda one: one.within_us) if len(self._samples) >= ENOUGH else None
 
     def forget(self) -> None:
-        """It is another clock from now on."""
+        """Reset for another clock."""
         self._samples.clear()
 
-    def add(self, sent_us: float, heard_us: float, robot_us: float) -> bool:
+    def add(self, sent_us: float, received_us: float, robot_us: float) -> bool:
         """Between these two times of ours its clock showed this; false if it has jumped, and is to be learned anew."""
-        within_us = max(0.0, heard_us - sent_us) / 2
-        sample = ClockOffset(robot_us - (sent_us + heard_us) / 2, within_us)
+        within_us = max(0.0, received_us - sent_us) / 2
+        sample = ClockOffset(robot_us - (sent_us + received_us) / 2, within_us)
         jumped = any(
             abs(sample.offset_us - one.offset_us) > within_us + one.within_us + TOLERANCE_US for one in self._samples
         )
@@ -79,7 +79,7 @@ class RobotWatchConfig:
     """When a robot counts as lost, or slow."""
 
     lost_ms: float = setting(500.0, 20.0, 10_000.0)
-    """Nothing heard for so long; it tells its state some 200 times a second."""
+    """Time without a message after which it counts as lost; it sends its state about 200 times a second."""
     slow_ms: float = setting(60.0, 1.0, 5_000.0)
     """A round trip, or the age of its newest state: later than that nothing is aimed at a ball."""
 
@@ -89,7 +89,7 @@ class RobotWatchConfig:
 
 @dataclass(frozen=True, slots=True)
 class StopNote:
-    """Who stopped it, and why."""
+    """A stop: by whom, and why."""
 
     by: Literal["robot", "rallyscope"]
     reason: str
@@ -97,41 +97,42 @@ class StopNote:
 
 @dataclass(frozen=True, slots=True)
 class RobotCounts:
-    """Since Rallyscope was started."""
+    """Counts since Rallyscope was started."""
 
     sent: int = 0
     taken: int = 0
     """Targets that it accepted."""
     refused: int = 0
-    """Targets that it did not."""
+    """Targets that it refused."""
     unanswered: int = 0
     kept_back: int = 0
-    """Targets that did not leave: outside of the limits."""
+    """Targets not sent because they were outside the limits."""
     not_ready: int = 0
-    """The same: stopped, lost, slow, its clock unknown, or the source not in real time."""
+    """Targets not sent because the robot was stopped, lost or slow, its clock unknown, or the source not in real
+    time."""
     lost: int = 0
     """Times that it was lost."""
     slow: int = 0
     clock_jumps: int = 0
     stops: int = 0
     rejected: int = 0
-    """What came from it and was no message."""
+    """Invalid messages from it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RobotStatus:
-    """All of it at one time."""
+    """Status of a robot."""
 
     address: str
     connection: Connection
     problem: str
-    """In words why nothing is sent; empty if it may be."""
+    """Why no targets are sent; empty if they may be."""
     name: str
     limits: RobotLimits | None
     state: RobotState | None
     """The newest."""
     stop: StopNote | None
-    """None: it plays."""
+    """The stop; None: it plays."""
     round_trip_ms: float | None
     clock: ClockOffset | None
     last_refusal: str
@@ -151,21 +152,21 @@ class RobotWatch:
     config: RobotWatchConfig = field(default_factory=RobotWatchConfig)
     clock: RobotClock = field(default_factory=RobotClock)
     welcome: RobotWelcome | None = None
-    """None while hands have to be shaken (again)."""
+    """Its welcome; None while a handshake is needed."""
     stop: StopNote | None = None
     counts: RobotCounts = field(default_factory=RobotCounts)
     last_refusal: str = ""
     barred: str = ""
-    """Why no hands can be shaken; empty if nobody has said so."""
+    """Why the handshake was rejected; empty if it was not."""
     states: deque[RobotState] = field(default_factory=lambda: deque(maxlen=STATES))
     _known: RobotWelcome | None = None
-    _heard_us: float = 0.0
+    _received_us: float = 0.0
     _connection: Connection = "awaited"
     _round_trips_us: deque[float] = field(default_factory=lambda: deque(maxlen=ROUND_TRIPS))
 
     def greet(self, welcome: RobotWelcome, host_us: float) -> None:
-        """It is there; one whose program is not the one known has to be started by a person."""
-        self._heard_us = host_us
+        """Handle its welcome; a restarted program has to be started by a person."""
+        self._received_us = host_us
         if self._known is None or welcome.session != self._known.session:
             if self._known is not None:
                 self.stop = StopNote("robot", ANEW)
@@ -175,19 +176,19 @@ class RobotWatch:
         self.welcome = self._known = welcome
         self.barred = ""
 
-    def note_pong(self, sent_us: float, heard_us: float, robot_us: int) -> None:
-        """An answer to a ping."""
-        self._heard_us = heard_us
-        self._round_trips_us.append(heard_us - sent_us)
-        if not self.clock.add(sent_us, heard_us, robot_us):
+    def note_pong(self, sent_us: float, received_us: float, robot_us: int) -> None:
+        """Handle the reply to a ping."""
+        self._received_us = received_us
+        self._round_trips_us.append(received_us - sent_us)
+        if not self.clock.add(sent_us, received_us, robot_us):
             self.count(clock_jumps=1)
 
     def note_state(self, state: RobotState, host_us: float) -> None:
-        """Where it is, and whether it has stopped."""
+        """Handle its state."""
         known = self.welcome
         if known is None or state.session != known.session:
             return
-        self._heard_us = host_us
+        self._received_us = host_us
         if self.states and state.t_us < self.states[-1].t_us:
             self.count(clock_jumps=1)
             self.clock.forget()
@@ -197,7 +198,7 @@ class RobotWatch:
             self.halt(StopNote("robot" if state.stopped == "robot" else "rallyscope", state.reason))
 
     def halt(self, note: StopNote) -> None:
-        """It is stopped."""
+        """Record a stop."""
         self.stop = note
         self.count(stops=1)
 
@@ -222,7 +223,7 @@ class RobotWatch:
         return self.states[-1] if self.states else None
 
     def status(self, now_us: float) -> RobotStatus:
-        """All of it, frozen."""
+        """Frozen status."""
         known = self._known
         round_trip_us = statistics.median(self._round_trips_us) if self._round_trips_us else None
         return RobotStatus(
@@ -234,7 +235,7 @@ class RobotWatch:
     def _judge(self, now_us: float) -> Connection:
         if self.welcome is None:
             return "awaited" if self._known is None else "lost"
-        if now_us - self._heard_us > 1e3 * self.config.lost_ms:
+        if now_us - self._received_us > 1e3 * self.config.lost_ms:
             return "lost"
         clock, state = self.clock.estimate, self.state
         if clock is None or state is None:
@@ -251,7 +252,7 @@ class RobotWatch:
             case "awaited":
                 return "nobody has answered yet"
             case "lost":
-                return f"lost: nothing heard for {(now_us - self._heard_us) / 1e6:.0f} s"
+                return f"lost: nothing heard for {(now_us - self._received_us) / 1e6:.0f} s"
             case "slow":
                 return f"slow: its answers and states come later than {self.config.slow_ms:g} ms"
             case "clock":

@@ -1,4 +1,4 @@
-"""A live source and a robot of one's own, which know nothing of each other, as one live source.
+"""A live source combined with an external robot, as one live source.
 
 The session's times become the robot's by two comparisons: the session's with this machine's clock, by when blocks
 arrive, and this machine's with the robot's, by pings. What the robot tells of its racket joins the source's states.
@@ -44,11 +44,11 @@ class SessionClock:
         self._gap_us = self._gaps[0][1]
 
     def host_us(self, t_us: float) -> float | None:
-        """On our clock; None before anything came."""
+        """Our clock at a session time; None before the first block."""
         return None if self._gap_us is None else t_us + self._gap_us
 
     def session_us(self, host_us: float) -> float | None:
-        """The other way round."""
+        """Inverse of `host_us`."""
         return None if self._gap_us is None else host_us - self._gap_us
 
 
@@ -56,10 +56,10 @@ REAL_TIME: float = 1.0
 
 
 class SourceWithRobot:
-    """A LiveSource that has a robot. It closes both."""
+    """A LiveSource with an external robot. It closes both."""
 
     def __init__(self, source: LiveSource, robot: RobotClient) -> None:
-        """Hear the source from now on.
+        """Attach to the source.
 
         Raises:
             LinkError: if the source has a robot of its own.
@@ -69,7 +69,7 @@ class SourceWithRobot:
         self._source, self._client = source, robot
         self._lock = threading.Lock()
         self._listeners = LinkListeners()
-        self._clock, self._told_us = SessionClock(), 0
+        self._clock, self._reported_us = SessionClock(), 0
         self._welcome, self._state = source.welcome, source.state
         source.add_listener(self)
 
@@ -114,12 +114,12 @@ class SourceWithRobot:
         return self._source.behind_s
 
     def add_listener(self, listener: LinkListener) -> None:
-        """From now on; it hears of the present session at once."""
+        """Add a listener; it gets the present session at once."""
         with self._lock:
             self._listeners.add(listener, self._welcome)
 
     def remove_listener(self, listener: LinkListener) -> None:
-        """It hears nothing after this."""
+        """Remove a listener."""
         with self._lock:
             self._listeners.remove(listener)
 
@@ -128,7 +128,7 @@ class SourceWithRobot:
         self._source.listen(listening)
 
     def close(self) -> None:
-        """Stop the robot and hang up, here and there."""
+        """Stop the robot and close source and robot."""
         self._client.close()
         self._source.close()
 
@@ -149,10 +149,10 @@ class SourceWithRobot:
         taken_us = max(0, round(self._clock.session_us(host_us()) or 0))
         return m.Reply(id=0, ok=True, session=self._welcome.session, t_us=taken_us, block_us=BLOCK_US)
 
-    # What the source says, in its thread.
+    # Callbacks of the source, in its thread.
 
     def on_session(self, welcome: m.Reply) -> None:
-        """Its times begin anew."""
+        """Reset the clock for a new session."""
         with self._lock:
             self._welcome, self._clock = welcome, SessionClock()
             self._listeners.on_session(welcome)
@@ -163,7 +163,7 @@ class SourceWithRobot:
             self._listeners.on_events(batch)
 
     def on_state(self, state: m.WorldState) -> None:
-        """Hand it on with what the robot told meanwhile."""
+        """Pass on the state with the robot's racket poses."""
         if state.ends_block:
             self._clock.add(state.t_us, host_us())
             state = self._with_racket(state)
@@ -178,12 +178,12 @@ class SourceWithRobot:
 
     def _with_racket(self, state: m.WorldState) -> m.WorldState:
         """The state with rows of what has been heard of the racket since the last block, at times within this one."""
-        told, offset = self._client.states_since(self._told_us), self._client.status.clock
-        if not told or offset is None:
+        states, offset = self._client.states_since(self._reported_us), self._client.status.clock
+        if not states or offset is None:
             return state
-        self._told_us = told[-1].t_us
-        told = told[-m.MAX_ROWS :]
-        at_us = np.array([self._clock.session_us(offset.host_us(one.t_us)) for one in told])
+        self._reported_us = states[-1].t_us
+        states = states[-m.MAX_ROWS :]
+        at_us = np.array([self._clock.session_us(offset.host_us(one.t_us)) for one in states])
         t_us = np.maximum.accumulate(np.clip(at_us, state.start_us, state.t_us - 1).astype(np.int64))
-        racket = np.array([(*one.p_m, *one.q_wxyz, *one.v_mps) for one in told])
+        racket = np.array([(*one.p_m, *one.q_wxyz, *one.v_mps) for one in states])
         return dataclasses.replace(state, racket_t_us=t_us, racket=racket)

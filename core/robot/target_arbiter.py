@@ -1,4 +1,4 @@
-"""What a robot does with targets that arrive: which of them it takes, and for how long it follows one.
+"""Arbiter of a robot's targets: which it accepts, and how long it follows one.
 
 No target is carried out that is stale, older than one before, of before a stop, or outside of the limits: however
 late, often or out of order it arrives.
@@ -12,13 +12,13 @@ from core.robot.motion_check import FaceMotion, MotionFault, find_fault
 from core.robot.robot_messages import RobotLimits, RobotTarget
 
 AHEAD_US: Final = 20_000
-"""What was sent later than now, by our clock, was sent by somebody who does not know it."""
+"""Tolerance for targets sent in the future by our clock, whose sender does not know the clock."""
 OLDEST_US: Final = 150_000
-"""What was under way for longer is not begun, whatever it says of itself."""
+"""Largest age of a target at its start, whatever its own validity."""
 FOLLOW_US: Final = 80_000
-"""After the impact a target is followed on for so long: for a ball that comes late."""
+"""A target is followed this long after the impact, for a late ball."""
 SILENT_US: Final = 500_000
-"""Nobody has said anything for so long: whoever sent the target is gone, and so is the target."""
+"""Silence of the commander after which its target is dropped."""
 NOT_STARTED: Final = "not started yet: a person has to"
 
 
@@ -28,23 +28,23 @@ class TargetArbiter:
     def __init__(self, limits: RobotLimits) -> None:
         self.limits = limits
         self.stopped, self.reason = "robot", NOT_STARTED
-        """By whom, "" if it is not, and why."""
+        """Who stopped it ("" if it is not stopped), and why."""
         self._target: RobotTarget | None = None
         self._newest_id = 0
-        self._heard_us: int | None = None
+        self._received_us: int | None = None
         self._looked_us = 0
 
     def hear(self, now_us: int) -> None:
-        """Whoever commands is there."""
-        self._heard_us = now_us
+        """Note a sign of life of the commander."""
+        self._received_us = now_us
 
     def begin_anew(self) -> None:
-        """Somebody else commands, who counts from one: what was going on is over, and a person has to start it."""
+        """Reset for a new commander: the target is dropped, and a person has to start the robot."""
         self._newest_id = 0
         self.stop(self.stopped or "robot", self.reason or NOT_STARTED)
 
     def offer(self, target: RobotTarget, motion: FaceMotion, now_us: int) -> MotionFault | None:
-        """Take a target; or why not. `motion` is how the racket moves now."""
+        """Accept a target, or return the fault. `motion` is how the racket moves now."""
         is_newer = target.id > self._newest_id
         self._newest_id = max(self._newest_id, target.id)
         fault = self._fault(target, motion, now_us, is_newer=is_newer)
@@ -57,7 +57,7 @@ class TargetArbiter:
         found, looked_us, self._looked_us = self._target, self._looked_us, now_us
         if found is None:
             return None
-        gone = self._heard_us is None or now_us - self._heard_us > SILENT_US
+        gone = self._received_us is None or now_us - self._received_us > SILENT_US
         if self.stopped or gone or now_us < looked_us or now_us > found.impact_us + FOLLOW_US:
             self._target = None
         return self._target

@@ -27,7 +27,7 @@ WHOLE = 1.05
 def truth_times(path: BallPath, start_us: int, end_us: int) -> NDArray[np.int64]:
     """Every 500 us in [start, end), and every kink of the path, so that linear interpolation holds across bounces."""
     regular = np.arange(start_us, end_us, TRUTH_STEP_US, dtype=np.int64)
-    kinks = np.round(path.kinks_s * 1e6).astype(np.int64)
+    kinks = np.round(path.discontinuities_s * 1e6).astype(np.int64)
     kinks = kinks[(start_us <= kinks) & (kinks < end_us)]
     return np.union1d(regular, kinks) if len(kinks) else regular
 
@@ -69,9 +69,12 @@ def pixel_truths(
     if not states.present.any():
         u, v, r = np.full((3, len(t)), np.nan)
         return {name: PixelTruth(t, u, v, r, np.zeros(len(t), np.bool_)) for name in cameras}
-    portals, poses = path.portals(t_s), None if racket is None else racket.at(t_s)
+    visible_range, poses = path.visible_range(t_s), None if racket is None else racket.at(t_s)
     with np.errstate(invalid="ignore"):
-        out = np.einsum("ij,ij->i", portals.normal_world, states.p_world_m) > portals.offset_m + WHOLE * BALL_RADIUS_M
+        out = (
+            np.einsum("ij,ij->i", visible_range.normal_world, states.p_world_m)
+            > visible_range.offset_m + WHOLE * BALL_RADIUS_M
+        )
     truths = {}
     for name, camera in cameras.items():
         circles = ball_circles_at(camera, states.p_world_m)

@@ -1,4 +1,4 @@
-"""The estimate of a ball from points, one after the other: an extended Kalman filter with a table in it."""
+"""Extended Kalman filter of a ball with bounces on the table."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from core.trajectory.filter_kernel import ProcessNoise, move, observe
 Array = NDArray[np.float64]
 
 GATE: Final = 40.0
-"""Squared normalised distance in three dimensions; a right point is beyond it once in 10^8."""
+"""Gate on the squared normalised distance in three dimensions; a correct point exceeds it once in 10^8."""
 FIRST_VELOCITY_MPS: Final = (-4.0, 0.0, 0.0)
 FIRST_SIGMA_MPS: Final = 10.0
 SETTLED: Final = 4
-"""From so many points on, the velocity is known well enough to expect a bounce."""
+"""Points from which the velocity is known well enough to predict a bounce."""
 TYPICAL: Final = 8
-"""From so many points on, how likely a point is tells of the flight and no longer of what was assumed at first."""
+"""Points from which a point's likelihood reflects the flight rather than the prior."""
 SCALES: Final = (0.01, 100.0)
-"""Bounds of what may be learnt of the variance of the noise."""
+"""Bounds of the estimated scale of the noise variance."""
 
 
 class BallFilter:
@@ -36,7 +36,7 @@ class BallFilter:
         """Begin with a point and its covariance; `odds`: of this kind of flight before anything is seen."""
         c = self._config = config
         air, bounce = (c.restless_air, c.restless_bounce_mps) if needs_tick else (c.air_noise, c.bounce_noise_mps)
-        self.unrest = ProcessNoise(LIFT * c.magnus, air, bounce, c.ahead_m, c.ahead_s)
+        self.process_noise = ProcessNoise(LIFT * c.magnus, air, bounce, c.ahead_m, c.ahead_s)
         self.state = np.array([*p, *FIRST_VELOCITY_MPS, 0.0, 0.0, 0.0, c.drag, c.restitution, c.friction, 0.0, 0.0])
         sigmas = [0.0] * 3 + [FIRST_SIGMA_MPS] * 3 + [c.spin_sigma_radps] * 3
         constants = [c.drag_sigma, c.restitution_sigma, c.friction_sigma, c.table_sigma_m, c.ahead_m]
@@ -45,21 +45,21 @@ class BallFilter:
         self.t_us = self.first_us = t_us
         self.bounces_us: tuple[int, ...] = ()
         self.strays = 0
-        """Points in a row that did not fit."""
+        """Consecutive outliers."""
         self.prior = math.log(odds)
         """Logarithm of the odds before anything is seen."""
         self.log_odds = self.prior
-        """Of this kind of flight by its points, but for a constant."""
+        """Log odds of this kind of flight given its points, up to a constant."""
         self.spoke = False
-        """Whether the newest point was compared with what was expected; near a bounce one is left out."""
+        """Whether the newest point was compared with the prediction; points near a bounce are not."""
         self.points = 1
-        """So many were taken."""
+        """Number of points used."""
         self._question: BounceQuestion | None = None
         self._tally = np.zeros((2, 3))
 
     @property
     def is_asking(self) -> bool:
-        """Whether it is open if the ball has bounced."""
+        """Whether it is undecided if the ball has bounced."""
         return self._question is not None
 
     @property
@@ -71,12 +71,12 @@ class BallFilter:
         return np.clip((weight + self._tally[0]) / (weight + self._tally[1]), *SCALES)
 
     def take(self, t_us: int, p: Array, noise_m2: Array) -> None:
-        """Move the estimate to the time of a point, and take the point with its covariance (3, 3)."""
+        """Predict to the time of a point, and update with the point and its covariance (3, 3)."""
         if self._question is None:
             self._question = self._ask(t_us)
         seconds, self.t_us = (t_us - self.t_us) * 1e-6, t_us
         if self._question is None:
-            move(self.state, self.covariance, seconds, self.unrest)
+            move(self.state, self.covariance, seconds, self.process_noise)
             found = observe(self.state, self.covariance, p, noise_m2, self.noise_scales, GATE, self._tally)
             distance, likelihood = found
             self.points += 1
@@ -96,11 +96,11 @@ class BallFilter:
             self._question = None
 
     def _ask(self, t_us: int) -> BounceQuestion | None:
-        """Whether a bounce is near until the next point."""
+        """Start a bounce question if a bounce may happen before the next point."""
         if self.points < SETTLED:
             return None
-        contact = coming_contact(self.state, self.covariance, self.unrest.lift)
+        contact = coming_contact(self.state, self.covariance, self.process_noise.lift)
         if contact is None or contact.in_s - SIGMAS * contact.sigma_s > (t_us - self.t_us) * 1e-6:
             return None
         guard_s = 1e-3 * self._config.bounce_guard_ms
-        return BounceQuestion(self.t_us, self.state, self.covariance, contact, self.unrest, guard_s)
+        return BounceQuestion(self.t_us, self.state, self.covariance, contact, self.process_noise, guard_s)

@@ -24,16 +24,16 @@ Array = NDArray[np.float64]
 
 STATE: Final = 14
 SPIN, DRAG, RESTITUTION, FRICTION, HIGHER, AHEAD = 6, 9, 10, 11, 12, 13
-"""Where in the state, after position and velocity."""
+"""Indices in the state, after position and velocity."""
 AIR_KG_PER_M3: Final = AirConfig().density_kg_per_m3
 DRAG_PER_M: Final = 0.5 * AIR_KG_PER_M3 * math.pi * BALL_RADIUS_M**2 / BALL_MASS_KG
-"""Times the drag coefficient."""
+"""Deceleration factor per drag coefficient, 1/m."""
 LIFT: Final = AIR_KG_PER_M3 * 4 / 3 * math.pi * BALL_RADIUS_M**3 / BALL_MASS_KG
 """Times the Magnus coefficient: acceleration over (spin x velocity)."""
 STEP_S: Final = 0.040
-"""Of a flight: the fourth-order step is exact to a micrometre at 10 m/s and 300 rad/s."""
+"""Step of a flight: the fourth-order step is exact to 1 um at 10 m/s and 300 rad/s."""
 SLOWEST_MPS: Final = 0.05
-"""A ball that comes down more slowly does not bounce any more: there would be no end to it."""
+"""A ball that comes down more slowly does not bounce any more (avoids endless bounces)."""
 LONGEST_S: Final = 2.0
 BOUNCES: Final = 2
 TOUCHES: Final = 22
@@ -62,7 +62,7 @@ def bounce(s: Array) -> None:
 
 @njit
 def down_in(s: Array, lift: float) -> float:
-    """In how long the ball comes down to the table's plane, by its present acceleration; -1 if it is below it."""
+    """Time until the ball reaches the table's plane at its present acceleration; -1 if it is below it."""
     gap = s[2] - BALL_RADIUS_M - s[12]
     if gap < 0:
         return -1.0

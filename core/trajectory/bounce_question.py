@@ -1,4 +1,4 @@
-"""Whether the ball bounced: a flight off the table and one past it, side by side, until what is seen decides.
+"""Decides whether the ball bounced: two hypotheses, off the table and past it, until the points decide.
 
 When the ball comes to the table is as uncertain as its height, and for that time an observation fits neither flight
 well. So nothing is taken from the points in between, and the first ones after it decide: two flights part by 5 mm a
@@ -20,22 +20,22 @@ from core.trajectory.filter_kernel import ProcessNoise, bounce_estimate, move, o
 Array = NDArray[np.float64]
 
 SIGMAS: Final = 3.0
-"""The ball is near the table while it may be there within so many standard deviations."""
+"""The ball is near the table while it may be there within this many standard deviations."""
 LONGEST_S: Final = 0.008
-"""Nothing is left out for longer than this, before and after the expected bounce."""
+"""Longest time for which points are ignored, before and after the predicted bounce."""
 SURE: Final = math.log(100.0)
-"""The likelier flight is believed from these odds on."""
+"""Odds from which the likelier hypothesis is accepted."""
 MAX_POINTS: Final = 5
-"""After so many, the likelier one at any odds."""
+"""Most points; then the likelier hypothesis is accepted at any odds."""
 UNLIKELY: Final = 1e-3
-"""Neither flight is ever less likely at first, unless the ball is far from the edge."""
+"""Smallest prior probability of either hypothesis, unless the ball is far from the edge."""
 
 
 class TableTouch(NamedTuple):
     """The coming touch of the table's plane."""
 
     in_s: float
-    """From the estimate on."""
+    """Time from the estimate on, s."""
     sigma_s: float
 
 
@@ -57,17 +57,17 @@ class BounceQuestion:
     """Open from just before the bounce until it is decided."""
 
     def __init__(
-        self, t_us: int, x: Array, cov: Array, contact: TableTouch, unrest: ProcessNoise, guard_s: float
+        self, t_us: int, x: Array, cov: Array, contact: TableTouch, process_noise: ProcessNoise, guard_s: float
     ) -> None:
         """`x` and `cov`: the estimate at `t_us`, which is the last one before it."""
-        self._unrest = unrest
+        self._process_noise = process_noise
         self._t_us = t_us
         self.past = x, cov
         at_table = x.copy(), cov.copy()
-        move(*at_table, contact.in_s, unrest)
+        move(*at_table, contact.in_s, process_noise)
         at_table[0][2] = BALL_RADIUS_M + at_table[0][HIGHER]
         self._odds = _log_odds_of_table(*at_table)
-        bounce_estimate(*at_table, unrest)
+        bounce_estimate(*at_table, process_noise)
         self.off = at_table
         self._bounce_us = self._off_us = t_us + round(1e6 * contact.in_s)
         self._quiet_until_us = self._bounce_us + round(1e6 * (SIGMAS * contact.sigma_s + guard_s))
@@ -77,14 +77,16 @@ class BounceQuestion:
 
     @property
     def likelier(self) -> tuple[Array, Array]:
-        """The estimate at the newest time, as it is to be believed for now."""
+        """Estimate of the likelier hypothesis at the newest time."""
         return self.off if self._odds >= 0 and self._t_us >= self._bounce_us else self.past
 
     def add(self, t_us: int, p_m: Array, noise_m2: Array, scales: Array, gate: float) -> bool | None:
-        """Whether it bounced, or None while that is open. Both flights take the point unless it is too near to tell."""
-        move(*self.past, (t_us - self._t_us) * 1e-6, self._unrest)
+        """Whether it bounced, or None while undecided. Both hypotheses use the point unless it is too close to the
+        bounce.
+        """
+        move(*self.past, (t_us - self._t_us) * 1e-6, self._process_noise)
         if t_us > self._off_us:
-            move(*self.off, (t_us - self._off_us) * 1e-6, self._unrest)
+            move(*self.off, (t_us - self._off_us) * 1e-6, self._process_noise)
             self._off_us = t_us
         self._t_us = t_us
         self.likelihood = None
@@ -101,11 +103,11 @@ class BounceQuestion:
         return self._odds >= 0
 
     def bounced_us(self) -> int:
-        """When the ball left the table, by what was seen after it."""
+        """Time of the bounce, estimated from the points after it."""
         x, back = self.off[0], np.empty(STATE)
         t = 0.0
         for _ in range(4):
-            glide(x, -t, self._unrest.lift, back)
+            glide(x, -t, self._process_noise.lift, back)
             if back[5] <= 0.1:
                 return self._bounce_us
             t += (back[2] - BALL_RADIUS_M - back[HIGHER]) / back[5]

@@ -30,11 +30,11 @@ class PaperPredictorConfig:
     """If not 0, the factor follows from Coulomb friction on a ball without spin, by the angle at which it comes. That
     is not the paper's: the chain has it, because the racket moves early on what is expected before the bounce."""
     restitution_sigma: float = setting(0.03, 0.0, 0.3)
-    """What is not known of the restitution; goes into the uncertainties only."""
+    """Standard deviation of the restitution; used for the uncertainties only."""
     tangential_sigma: float = setting(0.07, 0.0, 0.3)
-    """What is not known of the tangential factor, spin included; goes into the uncertainties only."""
+    """Standard deviation of the tangential factor, spin included; used for the uncertainties only."""
     sigma_point_m: float = setting(0.005, 1e-5, 0.1, step=0.0005)
-    """Standard deviation of an observed position along each axis; goes into the uncertainties only."""
+    """Standard deviation of an observed position along each axis; used for the uncertainties only."""
     bounce_rise_m: float = setting(0.012, 0.001, 0.2)
     """A bounce is a lowest point to which the ball fell by this much and from which it rose by as much: the vertical
     velocity changed its sign (choice: more than the noise, 5 ms of a rise at 2.4 m/s)."""
@@ -55,7 +55,7 @@ class PaperPredictorConfig:
 
 
 def published_predictor() -> PaperPredictorConfig:
-    """Nothing that the paper has not: five new points after the bounce, and no hurry, guard or wait about it."""
+    """The predictor exactly as published: five new points after the bounce, without hurry, guard or wait."""
     return PaperPredictorConfig(hurry_ms=0.0, bounce_guard_ms=0.0, bounce_wait_ms=0.0)
 
 

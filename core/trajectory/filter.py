@@ -20,14 +20,14 @@ from core.trajectory.prediction import HitPlane, Prediction, Stage, TablePoint
 Array = NDArray[np.float64]
 
 STRAYS: Final = 5
-"""So many points in a row that do not fit begin a new flight."""
+"""Consecutive outliers that begin a new flight."""
 SLOWEST_MPS: Final = 1.0
 IMPOSSIBLE: Final = math.log(1e-6)
-"""A kind of flight with less against another is no longer followed."""
+"""A kind of flight with smaller odds against another is dropped."""
 MIN_SHARE: Final = 0.02
-"""A kind of flight that is less probable is not in what is predicted."""
+"""A less probable kind of flight is not part of the prediction."""
 SPIN_Y: Final = 20
-"""Of what is touched: the spin about y at the hitting plane."""
+"""Index of the spin about y at the hitting plane."""
 NOTHING: Final = np.full((STATE, STATE), np.nan)
 
 
@@ -47,18 +47,18 @@ class FilterPredictor:
         self.forget()
 
     def forget(self) -> None:
-        """Forget all: the flight, and what was learnt of air and table."""
+        """Reset the flight and the learned constants."""
         self._filters: tuple[BallFilter, ...] = ()
         self.learned = nothing_learned(self.config)
-        """Of air and table, by the flights before this one."""
+        """Constants of air and table learned from the flights before this one."""
         self.reset()
 
     def reset(self) -> None:
-        """Forget the flight seen so far; what it said of air and table is kept, where nothing was said of them."""
+        """Reset the flight; the learned constants are kept and updated, where they are learned."""
         self._learn()
         self.latest: Prediction | None = None
         self._filters = ()
-        self._said_us = 0
+        self._predicted_us = 0
 
     @property
     def believed(self) -> BallFilter | None:
@@ -77,17 +77,17 @@ class FilterPredictor:
 
     @property
     def noise_scales(self) -> Array:
-        """(3,) variances of the observations over what was said of them, by the innovations of this flight."""
+        """(3,) ratio of the observations' variances to their stated ones, from the innovations of this flight."""
         return self.believed.noise_scales if self.believed else np.ones(3)
 
     @property
     def bounces_us(self) -> tuple[int, ...]:
-        """When the ball bounced in this flight."""
+        """Times of the bounces in this flight."""
         return self.believed.bounces_us if self.believed else ()
 
     @property
     def stage(self) -> Stage:
-        """Before or after the first bounce that was seen."""
+        """Before or after the first observed bounce."""
         return "post" if self.bounces_us else "pre"
 
     def add(self, t_us: int, p_world_m: ArrayLike, covariance_m2: Array | None = None) -> Prediction | None:
@@ -110,22 +110,22 @@ class FilterPredictor:
         for one in self._filters:
             one.take(t_us, p, noise)
         if self.config.perhaps_real:
-            if not all(one.spoke for one in self._filters):  # what one of them left out says nothing of the others
+            if not all(one.spoke for one in self._filters):  # not compared by such a point
                 for one, odds in zip(self._filters, before, strict=True):
                     one.log_odds = odds
             self._filters = self._possible()
         if all(one.strays >= STRAYS for one in self._filters):
             self._learn()
             self._begin(t_us, p, noise)
-        due = t_us - self._said_us >= 1e3 * self.config.every_ms
+        due = t_us - self._predicted_us >= 1e3 * self.config.every_ms
         return self.predict() if due and not any(one.is_asking for one in self._filters) else None
 
     def predict(self) -> Prediction | None:
-        """The flight as it is expected now; None before enough was seen."""
+        """Current prediction; None before enough points."""
         ball = self.believed
         if ball is None or ball.t_us - ball.first_us < 1e3 * self.config.least_seen_ms:
             return None
-        self._said_us = ball.t_us
+        self._predicted_us = ball.t_us
         found, spread, paths = mix([self._foresee(one, weight) for one, weight in self.shares()])
         if math.isfinite(found[13]):
             found[13] = self._hit_x_m
@@ -135,7 +135,7 @@ class FilterPredictor:
         return self.latest
 
     def shares(self) -> list[tuple[BallFilter, float]]:
-        """The filters that count for what is predicted with their probabilities, the believed one first."""
+        """Filters used for the prediction with their probabilities, the most probable first."""
         best = self.believed
         if best is None or not self.config.perhaps_real:
             return [] if best is None else [(best, 1.0)]
@@ -148,23 +148,23 @@ class FilterPredictor:
         return [(best, weights[best]), *counted]
 
     def _learn(self) -> None:
-        """What the flight said of air and table, where nothing was said of them."""
+        """Update the learned constants with this flight, where they are learned."""
         best = self.believed
         if best is None or not self.config.perhaps_real:
             return
         weights = self._weights()
-        air = sum(weight for one, weight in weights.items() if one.unrest.lift > 0)
+        air = sum(weight for one, weight in weights.items() if one.process_noise.lift > 0)
         self.learned = self.learned.after(best, weights[best], air)
 
     def _possible(self) -> tuple[BallFilter, ...]:
-        """The filters without those that nothing could make probable again."""
+        """Filters without those that cannot become probable again."""
         if len(self._filters) == 1:
             return self._filters
         least = max(self._evidence(one) for one in self._filters) + IMPOSSIBLE
         return tuple(one for one in self._filters if self._evidence(one) >= least)
 
     def _evidence(self, one: BallFilter) -> float:
-        """Logarithm of how probable a kind of flight is, but for a constant: points err alike."""
+        """Log probability of a kind of flight, up to a constant; points have correlated errors."""
         alike = self.config.alike_points if self.config.perhaps_real else 1.0
         return one.prior + (one.log_odds - one.prior) / alike
 
@@ -177,7 +177,7 @@ class FilterPredictor:
 
     def _foresee(self, ball: BallFilter, weight: float) -> Foreseen:
         rows, spread = np.empty((ROWS, STATE)), np.empty((TOUCHES, TOUCHES))
-        now_s, lift = ball.t_us * 1e-6, ball.unrest.lift
+        now_s, lift = ball.t_us * 1e-6, ball.process_noise.lift
         found = foresee(ball.state, ball.covariance, now_s, self._hit_x_m, lift, rows, spread)
         return Foreseen(weight, found, spread, Paths(now_s, rows, lift))
 
@@ -192,7 +192,7 @@ class FilterPredictor:
             self._filters = tuple(
                 BallFilter(c, t_us, p, noise, needs_tick=needs_tick, odds=odds[needs_tick]) for needs_tick in odds
             )
-        self._said_us = t_us
+        self._predicted_us = t_us
 
 
 def _add_bias(spread: Array, falling_mps: float, hit_mps: float, bias_m: float) -> None:
@@ -207,7 +207,7 @@ def _add_bias(spread: Array, falling_mps: float, hit_mps: float, bias_m: float) 
 
 
 def _describe(found: Array, spread: Array, newest_us: int, stage: Stage, paths: Paths | MixedPaths) -> Prediction:
-    """What `foresee` found, by names."""
+    """Named fields of the result of `foresee`."""
     sigmas = np.sqrt(spread.diagonal())
     points = [
         TablePoint(float(found[k]), found[k + 1 : k + 4], sigmas[k + 1 : k + 4]) if found[k] == found[k] else None

@@ -1,4 +1,4 @@
-"""What the filter takes for granted of air, table and observations, each with how sure that is."""
+"""Assumptions of the filter about air, table and observations, with their uncertainties."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PAPER: Final = {
     "friction": 0.15,
     "friction_sigma": 0.01,
 }
-"""What the physics called `paper` changes: no air, no spin, and the table of the simulation."""
+"""Settings for the physics called `paper`: no air, no spin, and the simulated table."""
 
 
 UNKNOWN: Final = {
@@ -33,7 +33,7 @@ UNKNOWN: Final = {
     "friction": 0.22,
     "friction_sigma": 0.05,
 }
-"""Air and table of which nobody has said anything: what is published of any, with its spread (drag .40 to .55, tables
+"""Unknown air and table: published values with their spread (drag .40 to .55, tables
 .88 to .96 and .15 to .30)."""
 
 
@@ -44,20 +44,20 @@ class FilterConfig:
     sigma_point_m: float = setting(0.003, 1e-5, 0.1, step=0.0005)
     """Standard deviation of an observed position along each axis, where the observation does not bring its own."""
     noise_m: float = setting(0.0, 0.0, 0.1, step=0.0005)
-    """Added to the covariance that an observation brings."""
+    """Noise added to the covariance of an observation."""
     bias_m: float = setting(0.0, 0.0, 0.1, step=0.0001)
-    """By which the observations of a flight may all be off along each axis (standard deviation): more do not make it
+    """Common offset of a flight's observations along each axis (standard deviation): more do not make it
     less, so it is added to what is predicted."""
     spin_bias_radps: float = setting(0.0, 0.0, 100.0, step=0.5)
-    """By which the spin about y, across the table, may be off (standard deviation): the observations' errors change
+    """Error of the spin about y, across the table (standard deviation): the observations' errors change
     along a flight as a spin would have it. Added to what is predicted."""
     adapt_points: int = setting(8, 0, 10_000)
     """The scale of the noise is learnt from the innovations, as if so many points had spoken for what was said of it;
     0 takes it for granted."""
     ahead_m: float = setting(0.0, 0.0, 0.1, step=0.0005)
-    """How far observations may lie ahead of the ball or behind it, all alike for a while (standard deviation)."""
+    """Common offset of the observations along the flight (standard deviation), constant for a while."""
     ahead_s: float = setting(0.15, 0.001, 10.0)
-    """For so long that is much the same."""
+    """Correlation time of that error."""
     drag: float = setting(REAL_DRAG.value, 0.0, 1.0)
     """Drag coefficient, fitted to recorded flights."""
     drag_sigma: float = setting(0.02, 1e-6, 0.5)
@@ -67,11 +67,11 @@ class FilterConfig:
     spin_sigma_radps: float = setting(200.0, 1.0, 1000.0)
     """Standard deviation of the spin about each axis before anything is seen."""
     restitution: float = setting(REAL_RESTITUTION.value, 0.5, 1.0)
-    """Of the table, fitted to recorded flights."""
+    """Restitution of the table, fitted to recorded flights."""
     restitution_sigma: float = setting(0.02, 1e-6, 0.3)
     """What is not known of it."""
     friction: float = setting(REAL_FRICTION.value, 0.0, 1.0)
-    """Of the table, fitted to recorded flights."""
+    """Friction coefficient of the table, fitted to recorded flights."""
     friction_sigma: float = setting(0.02, 1e-6, 0.3)
     """What is not known of it."""
     table_sigma_m: float = setting(0.002, 0.0, 0.05, step=0.0005)
@@ -81,49 +81,50 @@ class FilterConfig:
     bounce_noise_mps: float = setting(0.01, 0.0, 1.0)
     """Scatter of each velocity component from bounce to bounce."""
     restless_air: float = setting(0.5, 0.0, 5.0)
-    """The same of a flight that the model describes less well: with it the standard deviations of 49 recorded flights
-    100 ms ahead are right."""
+    """`air_noise` of a flight that the model describes less well: with it the standard deviations of 49 recorded
+    flights 100 ms ahead are right."""
     restless_bounce_mps: float = setting(0.1, 0.0, 1.0)
-    """The scatter of its bounces."""
+    """`bounce_noise_mps` of such a flight."""
     restless_odds: float = setting(20.0, 0.0, 1e6)
     """How many flights are like that for each that is not (choice); which one this is, its points decide. 0: none."""
     perhaps_real: bool = False
     """Nothing exact is said of air and table: they are as published, within their spread, there may be no air at all,
     and what the balls say of that is carried from one to the next (`learned_constants`)."""
     air_probability: float = setting(0.8, 0.01, 0.99)
-    """Of there being air, before the first ball (choice: without it only simulated balls fly)."""
+    """Prior probability that there is air (choice: only simulated balls fly without it)."""
     drag_scatter: float = setting(0.045, 0.0, 0.5)
-    """By which the drag coefficient differs from ball to ball, where it is learnt: it depends on speed and spin."""
+    """Standard deviation of the drag coefficient from ball to ball, where it is learned: it depends on speed and
+    spin."""
     restitution_scatter: float = setting(0.025, 0.0, 0.3)
-    """The same of the table's restitution."""
+    """Standard deviation of the table's restitution from ball to ball."""
     friction_scatter: float = setting(0.035, 0.0, 0.3)
-    """The same of its friction."""
+    """Standard deviation of the table's friction from ball to ball."""
     alike_points: float = setting(3.0, 1.0, 100.0)
     """So many points err alike: what they say of the kinds of flights counts for so much less. By 31 recorded flights
     (the likeliest of 1, 2, 3 and 10)."""
     bounce_guard_ms: float = setting(0.0, 0.0, 30.0)
-    """So long after a bounce nothing is observed: a window of events may hold both sides of it."""
+    """Points this long after a bounce are ignored: a window of events may contain both sides of it."""
     least_seen_ms: float = setting(20.0, 1.0, 200.0)
-    """Nothing is said before so much of a flight was seen."""
+    """Observed time before the first prediction of a flight."""
     every_ms: float = setting(4.0, 0.0, 50.0)
-    """A prediction at most so often; the estimate takes every point."""
+    """Shortest time between predictions; the estimate uses every point."""
 
     def __post_init__(self) -> None:
         check_settings(self)
 
 
 class FlightProcessNoise(NamedTuple):
-    """How much the model leaves out of one kind of flights through air of which nobody said anything."""
+    """Process noise of one kind of flights with unknown constants."""
 
     share: float
-    """Of such flights, before anything is seen."""
+    """Prior probability of such flights."""
     air: float | None
     """White acceleration, m/s^2 per root hertz; None: as the configuration says."""
     bounce_mps: float | None
     """Scatter of each velocity component from bounce to bounce."""
 
 
-UNRESTS: Final = (
+PROCESS_NOISE_KINDS: Final = (
     FlightProcessNoise(0.2, None, None),
     FlightProcessNoise(0.3, 0.1, 0.05),
     FlightProcessNoise(0.5, 0.6, 0.1),
@@ -138,7 +139,7 @@ def filter_for(physics: PhysicsName, *, sigma_point_m: float = 0.003) -> FilterC
     return with_physics(FilterConfig(sigma_point_m=sigma_point_m), physics)
 
 
-def untold(config: FilterConfig) -> FilterConfig:
+def with_unknown_constants(config: FilterConfig) -> FilterConfig:
     """The config for unknown constants of air and table: only their published spread is known."""
     return dataclasses.replace(config, **UNKNOWN)
 

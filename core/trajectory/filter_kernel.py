@@ -1,4 +1,4 @@
-"""The steps of a Kalman filter of the ball: free flight, the table, an observation, the spread of what is to come."""
+"""Steps of the ball's Kalman filter: free flight, bounce, observation, and the covariance of what follows."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ from core.trajectory.ball_kernel import (
 Array = NDArray[np.float64]
 
 LONGEST_STEP_S: Final = 0.010
-"""Of the covariance: its transition is a series in the step, cut off after the square."""
+"""Longest step of the covariance: its transition is a second-order series in the step."""
 MOVES: Final = 10
-"""So many components of the state change position and velocity in the air."""
+"""Number of state components that affect position and velocity in the air."""
 SIDES: Final = 2
 ROWS: Final = 1 + SIDES * (STATE - 1)
 """The estimate, and a step up and down along each direction of its spread; `ahead` moves no ball."""
 
 
 class ProcessNoise(NamedTuple):
-    """What the model leaves out."""
+    """Process noise."""
 
     lift: float
     """Acceleration over (spin x velocity)."""
@@ -44,9 +44,9 @@ class ProcessNoise(NamedTuple):
     bounce_mps: float
     """Scatter of each component of the velocity from bounce to bounce."""
     ahead_m: float
-    """Standing spread of how far ahead of the ball its observations are."""
+    """Stationary standard deviation of the observations' offset along the flight, m."""
     ahead_s: float
-    """For so long that remains the same."""
+    """Correlation time of that error, s."""
 
 
 @njit
@@ -74,14 +74,14 @@ def _slope(x: Array, lift: float, out: Array) -> None:
 
 
 @njit
-def move(x: Array, cov: Array, seconds: float, unrest: ProcessNoise) -> None:
+def move(x: Array, cov: Array, seconds: float, process_noise: ProcessNoise) -> None:
     """Let the estimate fly freely, in place: there is no table here."""
     A, F, old = np.empty((3, MOVES)), np.empty((6, STATE)), np.empty((6, STATE))
     left = seconds
     while left > 1e-12:
         h = min(left, LONGEST_STEP_S)
         left -= h
-        _slope(x, unrest.lift, A)
+        _slope(x, process_noise.lift, A)
         # Velocity: v + h a + h^2 / 2 (da/dv a); position: its integral.
         F[:] = 0.0
         for i in range(3):
@@ -108,23 +108,23 @@ def move(x: Array, cov: Array, seconds: float, unrest: ProcessNoise) -> None:
                 cov[i, j] = total
             for j in range(6, STATE):
                 cov[i, j] = cov[j, i] = old[i, j]
-        q = unrest.air * unrest.air * h
+        q = process_noise.air * process_noise.air * h
         for k in range(3):
             cov[3 + k, 3 + k] += q
             cov[k, 3 + k] += q * h / 2
             cov[3 + k, k] += q * h / 2
             cov[k, k] += q * h * h / 3
-        keep = math.exp(-h / unrest.ahead_s)
+        keep = math.exp(-h / process_noise.ahead_s)
         for k in range(STATE):
             cov[AHEAD, k] *= keep
             cov[k, AHEAD] *= keep
-        cov[AHEAD, AHEAD] += (1 - keep * keep) * unrest.ahead_m * unrest.ahead_m
+        cov[AHEAD, AHEAD] += (1 - keep * keep) * process_noise.ahead_m * process_noise.ahead_m
         x[AHEAD] *= keep
-        glide(x, h, unrest.lift, x)
+        glide(x, h, process_noise.lift, x)
 
 
 @njit
-def bounce_estimate(x: Array, cov: Array, unrest: ProcessNoise) -> None:
+def bounce_estimate(x: Array, cov: Array, process_noise: ProcessNoise) -> None:
     """Take the estimate, which is at the table's plane, off it. When it got there is as uncertain as its height.
 
     The transition is that of a flight with an event (saltation matrix): S = D + (f_after - D f_before) n' / n' f_before
@@ -141,14 +141,14 @@ def bounce_estimate(x: Array, cov: Array, unrest: ProcessNoise) -> None:
         D[:, k] = (moved - after) / eps
     rate, rate_after = np.zeros(STATE), np.zeros(STATE)
     rate[:3], rate_after[:3] = before[3:6], after[3:6]
-    rate[3], rate[4], rate[5] = pull(before, unrest.lift)
-    rate_after[3], rate_after[4], rate_after[5] = pull(after, unrest.lift)
+    rate[3], rate[4], rate[5] = pull(before, process_noise.lift)
+    rate_after[3], rate_after[4], rate_after[5] = pull(after, process_noise.lift)
     jump = (rate_after - D @ rate) / before[5]
     D[:, 2] += jump
     D[:, HIGHER] -= jump
     cov[:] = D @ cov @ D.T
     for k in range(3, 6):
-        cov[k, k] += unrest.bounce_mps * unrest.bounce_mps
+        cov[k, k] += process_noise.bounce_mps * process_noise.bounce_mps
     x[:] = after
 
 
@@ -183,7 +183,7 @@ def observe(
     W /= determinant
     pulled = W @ miss
     distance = miss[0] * pulled[0] + miss[1] * pulled[1] + miss[2] * pulled[2]
-    # A stray speaks no louder than a point that is just believed.
+    # An outlier counts no more than a point at the gate.
     likelihood = -0.5 * (min(distance, gate) + math.log(determinant))
     if distance > gate:
         return distance, likelihood

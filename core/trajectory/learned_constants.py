@@ -1,4 +1,4 @@
-"""What was learnt of air and table from the balls so far: a lab's constants do not change between two balls.
+"""Constants of air and table learned from the balls so far: a lab's constants do not change between two balls.
 
 Three numbers with standard deviations, and how probable it is that there is air at all. What a ball says of its own
 constants is one draw around the lab's: they scatter from ball to ball (the models of drag and bounce are crude).
@@ -15,44 +15,46 @@ from numpy.typing import NDArray
 
 from core.trajectory.ball_filter import BallFilter
 from core.trajectory.ball_kernel import DRAG
-from core.trajectory.filter_config import UNRESTS, FilterConfig, untold, without_air
+from core.trajectory.filter_config import PROCESS_NOISE_KINDS, FilterConfig, with_unknown_constants, without_air
 
 Array = NDArray[np.float64]
 
 NAMES: Final = ("drag", "restitution", "friction")
-"""In the order of the filter's state, from `DRAG` on."""
+"""Names in the order of the filter's state, from `DRAG` on."""
 LOWEST, HIGHEST = np.array([0.0, 0.5, 0.0]), np.array([1.0, 1.0, 1.0])
 MIN_SIGMA: Final = 1e-6
 FEWEST_POINTS: Final = 20
-"""A flight of fewer says nothing (choice)."""
+"""A flight of fewer points is not used (choice)."""
 CHANGE: Final = 0.01
-"""How probable it is that balls fly otherwise from one to the next: with air, or without (choice)."""
+"""Probability that the physics changes from one ball to the next: with air, or without (choice)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LearnedConstants:
-    """Drag coefficient, restitution and friction, each (3,)."""
+    """Means and variances (3,) of drag coefficient, restitution and friction."""
 
     means: Array
     variances: Array
-    """Of what is not known of the lab; the scatter from ball to ball comes on top."""
+    """Variances of the lab's constants; the scatter from ball to ball comes on top."""
     scatter: Array
     """(3,) standard deviations from ball to ball."""
     air: float
     """The probability that balls fly through air."""
     balls: int
-    """Learnt from."""
+    """Number of balls learned from."""
 
     @property
     def sigmas(self) -> Array:
-        """(3,) of the lab's constants."""
+        """(3,) standard deviations of the lab's constants."""
         return np.sqrt(self.variances)
 
     def kinds(self, config: FilterConfig) -> list[tuple[FilterConfig, float]]:
-        """The filters of the next ball with their probabilities: without air, and through air of some unrest."""
-        through = self._told(untold(config), NAMES)
-        found = [(self._told(without_air(untold(config)), NAMES[1:]), 1 - self.air)]
-        for share, air, bounce_mps in UNRESTS:
+        """Filter configs of the next ball with their probabilities: without air, and with air for each process
+        noise.
+        """
+        through = self._with_constants(with_unknown_constants(config), NAMES)
+        found = [(self._with_constants(without_air(with_unknown_constants(config)), NAMES[1:]), 1 - self.air)]
+        for share, air, bounce_mps in PROCESS_NOISE_KINDS:
             kind = through
             if air is not None and bounce_mps is not None:
                 kind = dataclasses.replace(through, air_noise=air, bounce_noise_mps=bounce_mps)
@@ -61,7 +63,7 @@ class LearnedConstants:
 
     def after(self, ball: BallFilter, probability: float, air: float) -> LearnedConstants:
         """The constants after a flight, weighted by the probability of its filter among the flight's filters."""
-        if ball.points - ball.strays < FEWEST_POINTS:  # strays moved nothing: most flights end with some, of the hit
+        if ball.points - ball.strays < FEWEST_POINTS:  # without outliers: most flights end with some, from the hit
             return self
         first = 0 if ball.state[DRAG] > MIN_SIGMA * 1e3 else 1
         rows = slice(DRAG + first, DRAG + 3)
@@ -79,7 +81,7 @@ class LearnedConstants:
             balls=self.balls + 1,
         )
 
-    def _told(self, config: FilterConfig, names: tuple[str, ...]) -> FilterConfig:
+    def _with_constants(self, config: FilterConfig, names: tuple[str, ...]) -> FilterConfig:
         sigmas = np.sqrt(self.variances + self.scatter**2)
         constants: dict[str, float] = {}
         for name, mean, sigma in zip(NAMES, self.means.tolist(), sigmas.tolist(), strict=True):
@@ -89,8 +91,8 @@ class LearnedConstants:
 
 
 def nothing_learned(config: FilterConfig) -> LearnedConstants:
-    """Before the first ball: what is published."""
-    c = untold(config)
+    """Constants before the first ball: the published ones."""
+    c = with_unknown_constants(config)
     return LearnedConstants(
         means=np.array([c.drag, c.restitution, c.friction]),
         variances=np.square([c.drag_sigma, c.restitution_sigma, c.friction_sigma]),

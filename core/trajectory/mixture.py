@@ -1,4 +1,4 @@
-"""One prediction of several estimates of a flight, each with its probability: the mean, and how far they are apart.
+"""Prediction from a mixture of estimates of a flight: mean and covariance.
 
 The first two moments of a mixture of normal distributions are exact here, of what is touched and of every position.
 """
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Paths:
-    """The estimate and its neighbours, one sigma away along each independent direction, and what they touch."""
+    """The estimate and its sigma points (one sigma along each independent direction), with what they touch."""
 
     t_s: float
     states: Array
@@ -38,14 +38,14 @@ class Paths:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Foreseen:
-    """What one estimate touches next."""
+    """Next contacts of one estimate."""
 
     weight: float
-    """Its probability, of all that are mixed."""
+    """Its probability in the mixture."""
     found: Array
     """(22,), see `ball_kernel.touches`."""
     spread: Array
-    """(22, 22) covariance of that."""
+    """(22, 22) covariance of `found`."""
     paths: Paths
 
 

@@ -1,4 +1,4 @@
-"""What a prediction says: bounces, landing, the crossing of the hitting plane, positions, each with its uncertainty."""
+"""A prediction: bounces, landing, crossing of the hitting plane, and positions, each with its uncertainty."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class HitPlane:
     spin_radps: Array | None = None
     """(3,) the ball's spin there, where it is estimated; None where it is not."""
     spin_sigma_radps: Array | None = None
-    """(3,) its standard deviations; None where it is not."""
+    """(3,) standard deviations of the spin; None where it is not estimated."""
 
 
 class Flights(Protocol):
@@ -64,13 +64,13 @@ class Flights(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prediction:
-    """The flight as it is expected after the newest observation."""
+    """Predicted flight after the newest observation."""
 
     t_us: int
     """Time of the newest observation: nothing later is in it."""
     stage: Stage
     bounces: tuple[TablePoint, ...]
-    """On the table, after the newest observation."""
+    """Bounces on the table after the newest observation."""
     landing: TablePoint | None
     """Where the ball next comes down to the table's plane, on the table or beside it."""
     hit_plane: HitPlane | None
@@ -104,7 +104,7 @@ class Prediction:
 
 
 class Predictor(Protocol):
-    """Fed with the points of a ball one by one, it says how the flight goes on."""
+    """Predicts a ball's flight from its points, one by one."""
 
     @property
     def latest(self) -> Prediction | None:
@@ -125,14 +125,14 @@ class Predictor(Protocol):
         ...
 
     def forget(self) -> None:
-        """Forget the flight, and what was learnt of air and table from all before it."""
+        """Reset the flight and the learned constants."""
         ...
 
 
 def predict_flight(
     t_s: Array, ps_m: Array, newest_us: int, stage: Stage, config: PaperPredictorConfig
 ) -> Prediction | None:
-    """The prediction from observations (K,) and (K, 3); None if they cannot carry one."""
+    """Prediction from observations (K,) and (K, 3); None if they are not enough."""
     fit = fit_arcs(t_s[None], ps_m[None])
     if not np.isfinite(fit.vs_mps).all():
         return None
@@ -140,7 +140,7 @@ def predict_flight(
 
 
 def _describe_flights(flights: Continuation, newest_us: int, stage: Stage, hit_x_m: float) -> Prediction:
-    """What a flight and its neighbours say about bounces, landing and hitting plane."""
+    """Bounces, landing and hitting plane, with uncertainties from a flight and its neighbours."""
     now_s = newest_us * 1e-6
     bounces = tuple(TablePoint(float(t[0]), ps[0], _sigma(ps)) for t, ps in flights.bounces() if float(t[0]) > now_s)
     t_landing, ps_landing = flights.landing(now_s)
@@ -173,7 +173,8 @@ def _spread(fit: Arcs, t_s: Array, config: PaperPredictorConfig) -> Continuation
 
 
 def spinless_factor(fit: Arcs, config: PaperPredictorConfig) -> float:
-    """What the table leaves of the speed along it: 1 - friction (1 + e) vz / v while the ball slides, 3/5 if it rolls.
+    """Share of the tangential speed that the table leaves: 1 - friction (1 + e) vz / v while the ball slides, 3/5 if it
+    rolls.
 
     Of a hollow ball without spin (moment of inertia 2/3 m r^2) that comes to the table on the fitted arc.
     """

@@ -12,7 +12,7 @@ from core.trajectory.config import PaperPredictorConfig
 from core.trajectory.prediction import Prediction, Stage, predict_flight
 
 CONFIRM = 2
-"""Points in a row that must have risen: one may be an outlier."""
+"""Consecutive rising points that confirm a bounce: one may be an outlier."""
 
 
 class BounceFinder:
@@ -52,7 +52,7 @@ class BounceFinder:
 
 Array = NDArray[np.float64]
 FEWEST = 3
-"""Observations in a hurry."""
+"""Fewest observations when time is short."""
 EARLY = 0.02
 """An observation may come this share of the spacing early: time stamps jitter."""
 
@@ -79,12 +79,12 @@ class PaperPredictor:
         self._expected_us = 1 << 62
 
     def forget(self) -> None:
-        """Itself: nothing is learned from flight to flight."""
+        """Reset; nothing is learned from flight to flight."""
         self.reset()
 
     @property
     def stage(self) -> Stage:
-        """Before or after the first bounce that was seen."""
+        """Before or after the first observed bounce."""
         return "post" if self.bounces_us else "pre"
 
     def add(self, t_us: int, p_world_m: ArrayLike, covariance_m2: Array | None = None) -> Prediction | None:
@@ -138,7 +138,7 @@ class PaperPredictor:
         return found
 
     def _in_a_hurry(self, found: Prediction, missing: int) -> bool:
-        """Whether the ball is at the hitting plane too soon after the observations that are missing."""
+        """Whether the ball reaches the hitting plane too soon to wait for the missing observations."""
         wait_s = 1e-3 * (missing * self.config.spacing_ms + self.config.hurry_ms)
         soon = found.hit_plane is not None and found.hit_plane.t_s < found.t_us * 1e-6 + wait_s
         return soon and self.config.hurry_ms > 0

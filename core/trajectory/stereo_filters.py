@@ -1,4 +1,4 @@
-"""The filter for the points of two event cameras: what their errors are, by the detector that found them."""
+"""Filter settings for stereo points, by the errors of the detector that found them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Searching for better thresholds of a detector, against the truth or labels, with part of the recording held out."""
+"""Automatic tuning of a detector's thresholds against truth or labels, with part of the recording held out."""
 
 from core.tuning.config import TuningConfig
 from core.tuning.objective import Objective, truth_objective

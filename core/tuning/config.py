@@ -9,12 +9,12 @@ from core.config import check_settings, setting
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuningConfig:
-    """How long is searched, and how the recording is split."""
+    """Length of the search, and the split of the recording."""
 
     trials: int = setting(64, 1, 100_000)
-    """Configs that are scored, the one to start from among them."""
+    """Number of scored configs, the start config included."""
     seed: int = setting(0, 0, 2**31 - 1)
-    """Of the proposals: the same seed gives the same answer, however many processes score."""
+    """Seed of the proposals: the same seed gives the same answer with any number of processes."""
     batch: int = setting(8, 1, 64)
     """Proposals that are made at once, and answered in their order: more would keep more processes busy, and learn less
     from one to the next."""

@@ -1,4 +1,4 @@
-"""Scoring the configs of a batch, here or elsewhere; the scores are in the order of the configs."""
+"""Scoring the configs of a batch on any backend; the scores are in the order of the configs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from core.tuning.objective import Cancelled, Objective, TuningStoppedError
 from core.tuning.split_score import SplitScore
 
 Evaluate = Callable[[Sequence[DetectorConfig], Callable[[int], None]], list[SplitScore]]
-"""The scores of configs; the callback hears how many are done."""
+"""Function that scores configs; the callback gets the number done."""
 
 
 @contextmanager
@@ -49,7 +49,7 @@ def evaluating(objective: Objective, engine: JobBackend, most: int, cancelled: C
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoreConfig:
-    """Scores configs on a recording, which each process opens once."""
+    """Scores configs on a recording; each process opens it once."""
 
     objective: Objective
     path: Path
@@ -60,7 +60,7 @@ class ScoreConfig:
 
 
 class _Kept:
-    """The recording that a process scored on last, still open; another file under its name is opened anew."""
+    """Cache of the last recording of a process; a changed file is reopened."""
 
     def __init__(self) -> None:
         self._recording: Recording | None = None

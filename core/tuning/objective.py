@@ -1,4 +1,4 @@
-"""What a search asks of a config: its score on both sides of the split. Here against the truth of a recording."""
+"""Objective of a search: the score of a config on both sides of the split, here against the truth."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ ANY_SPEED: Final = (0.0, math.inf)
 
 
 class TuningStoppedError(Exception):
-    """Nobody wants the answer any more."""
+    """The search was cancelled."""
 
 
 class Objective(Protocol):
-    """Scores configs on one recording. It is a frozen value that worker processes are given."""
+    """Scores configs on one recording: a frozen value that is sent to worker processes."""
 
     @property
     def path(self) -> Path:
@@ -83,7 +83,7 @@ def truth_objective(
     start: DetectorConfig,
     config: TuningConfig | None = None,
 ) -> TruthObjective:
-    """The objective for the cameras of a recording that know the truth.
+    """Objective for the cameras of a recording that have the truth.
 
     Raises:
         RecordingError: if one of them knows none, or there are too few balls in it.

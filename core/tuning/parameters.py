@@ -44,7 +44,7 @@ class Parameter:
 
     @property
     def choices(self) -> tuple[bool, ...] | tuple[str, ...] | None:
-        """Values of a switch or a choice; None for a number."""
+        """Possible values of a switch or a choice; None for a number."""
         return (False, True) if self.spec.kind is bool else self.spec.choices or None
 
     @property
@@ -104,7 +104,7 @@ def choose_parameters(method: str, start: DetectorConfig, names: Iterable[str] |
 
 
 def tunable_parameters(method: str, start: DetectorConfig) -> tuple[Parameter, ...]:
-    """All that the method takes from a config: not what it decides itself, nor what depends on that.
+    """All settings that the method uses, without those it fixes itself.
 
     Raises:
         CommandError: if there is no such method.
@@ -126,14 +126,14 @@ def config_with(start: DetectorConfig, values: Mapping[str, Setting]) -> Detecto
     mapping = config_to_mapping(start)
     for name, value in values.items():
         section, _, field = name.partition(".")
-        table = mapping.setdefault(section, {})  # of a registered one that is as it comes
+        table = mapping.setdefault(section, {})  # a registered section with its defaults
         assert isinstance(table, dict)
         table[field] = value
     return config_from_mapping(DetectorConfig, mapping, where="tuning")
 
 
 def _is_obeyed(method: str, start: DetectorConfig, spec: FieldSpec) -> bool:
-    """Whether the method runs with whatever value stands there."""
+    """Whether the method uses this setting."""
     bounds = spec.bounds
     values = Parameter(spec).choices or ((spec.kind(bounds.low), spec.kind(bounds.high)) if bounds else ())
     for value in values:

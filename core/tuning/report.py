@@ -8,7 +8,7 @@ from core.tuning.tune import TuningResult, TuningTrial
 
 
 def report_of(result: TuningResult) -> dict[str, object]:
-    """What it started from and what it found, on both sides of the split, with the way there.
+    """Report of a search: start and best config on both sides of the split, and the history.
 
     `changed` has [before, after] by name; `history` has the objective of each trial on [the tuned, the held-out] side.
     """

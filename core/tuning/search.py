@@ -19,17 +19,17 @@ NEIGHBOURS: Final = 16
 """Trials near the config to start from, before the estimator takes over: far from it most configs find nothing at all,
 and the estimator learns nothing from them."""
 CHANGED_SHARE: Final = 0.3
-"""Of the parameters of a neighbour that are changed."""
+"""Share of the parameters that a neighbour changes."""
 STEP_SIGMA: Final = 0.06
-"""Of their change, on their scales from 0 to 1."""
+"""Standard deviation of a change, on the parameter's scale from 0 to 1."""
 FOREST_FROM: Final = 24
-"""Trials; before, a forest (fANOVA, Hutter et al. 2014) has too little to tell parameters apart."""
+"""Fewest trials for a forest (fANOVA, Hutter et al. 2014) to tell parameters apart."""
 
 Values = dict[str, Setting]
 
 
 class Search:
-    """Asked and told in batches: with the same seed and the same answers it proposes the same."""
+    """Proposes configs in batches; deterministic for a seed and given scores."""
 
     def __init__(self, parameters: Sequence[Parameter], start: DetectorConfig, seed: int) -> None:
         self._parameters = {parameter.name: parameter for parameter in parameters}
@@ -49,12 +49,12 @@ class Search:
             self._study.enqueue_trial(_neighbour(self._parameters, self._first, rng))
 
     def ask(self, count: int) -> tuple[Values, ...]:
-        """So many proposals, of which the very first is the config to start from."""
+        """Next proposals; the very first is the start config."""
         self._asked = [self._study.ask(self._distributions) for _ in range(count)]
         return tuple(self._values(trial.params) for trial in self._asked)
 
     def tell(self, objectives: Sequence[float]) -> None:
-        """What the last proposals were worth, in their order."""
+        """Report the scores of the last proposals, in their order."""
         for trial, objective in zip(self._asked, objectives, strict=True):
             self._study.tell(trial, objective)
         self._asked = []
@@ -82,14 +82,14 @@ class Search:
         return {name: float(shares[name]) for name in ordered}
 
     def _values(self, params: Mapping[str, Setting]) -> Values:
-        """The settings that are meant; what is where it was to start from stays as it is, on a step or not."""
+        """Settings of a proposal; unchanged parameters keep their start values exactly."""
         values: Values = {}
         for name, parameter in self._parameters.items():
-            said = params[name]
-            if said == self._first[name]:
+            proposed = params[name]
+            if proposed == self._first[name]:
                 values[name] = get_setting(self._start, parameter.spec.path)
             else:
-                values[name] = said if parameter.choices is not None else parameter.value_at(float(said))  # type: ignore[arg-type]
+                values[name] = proposed if parameter.choices is not None else parameter.value_at(float(proposed))  # type: ignore[arg-type]
         return values
 
 
@@ -100,7 +100,7 @@ def _ranks(trials: Sequence[optuna.trial.FrozenTrial]) -> np.ndarray:
 def _correlations(
     parameters: Mapping[str, Parameter], trials: Sequence[optuna.trial.FrozenTrial], ranks: Sequence[float]
 ) -> dict[str, float]:
-    """Shares by the size of each parameter's rank correlation with the trials' worth; empty if there is none."""
+    """Shares by each parameter's rank correlation with the score; empty if there is none."""
     sizes = {}
     for name, parameter in parameters.items():
         params = [trial.params[name] for trial in trials]
@@ -116,7 +116,7 @@ def _distribution(parameter: Parameter) -> BaseDistribution:
 
 
 def _internal(parameter: Parameter, config: DetectorConfig) -> Setting:
-    """What the estimator sees of a value: of a number its place on the scale."""
+    """Value as the estimator sees it: for a number its place on the scale."""
     value = get_setting(config, parameter.spec.path)
     if parameter.choices is not None:
         return value
@@ -125,7 +125,7 @@ def _internal(parameter: Parameter, config: DetectorConfig) -> Setting:
 
 
 def _neighbour(parameters: Mapping[str, Parameter], of: Mapping[str, Setting], rng: np.random.Generator) -> Values:
-    """A few parameters somewhat changed, and a few choices drawn anew."""
+    """Neighbour of a config: some numbers changed slightly, some choices redrawn."""
     changed = rng.random(len(parameters)) < CHANGED_SHARE
     changed[rng.integers(len(parameters))] = True
     steps, draws = rng.normal(0.0, STEP_SIGMA, len(parameters)), rng.random(len(parameters))

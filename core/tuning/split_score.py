@@ -1,4 +1,4 @@
-"""What a config is worth: figures of both sides of the split, and the one number that is made as large as possible."""
+"""Score of a config: figures of both sides of the split, and the objective to maximise."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ COST_PER_PX: Final = 0.02
 """A pixel of median error is worth two points of F1: enough to decide between configs that find the same balls, and too
 little to pay for losing some."""
 WORST: Final = -COST_PER_PX * MATCH_RADIUS_PX
-"""Of a config that finds nothing, and of one that is impossible."""
+"""Score of a config that finds nothing, or that is invalid."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,9 +35,9 @@ class SplitScore:
     """Counts and errors of a config on both sides; they add up over cameras."""
 
     tuned: GridScore = field(default_factory=GridScore)
-    """Where the search looks."""
+    """Figures of the tuned side."""
     held_out: GridScore = field(default_factory=GridScore)
-    """Where it never does."""
+    """Figures of the held-out side."""
 
     def __add__(self, other: SplitScore) -> SplitScore:
         return SplitScore(self.tuned + other.tuned, self.held_out + other.held_out)
@@ -48,5 +48,5 @@ def figures_of(score: GridScore) -> Figures:
     hits = score.precision + score.recall
     f1 = 2 * score.precision * score.recall / hits if hits > 0 else 0.0  # nan is not above 0 either
     median = score.error_at(50)
-    error = median if median < MATCH_RADIUS_PX else MATCH_RADIUS_PX  # nothing found is as far off as can be
+    error = median if median < MATCH_RADIUS_PX else MATCH_RADIUS_PX  # nothing found counts as the largest error
     return Figures(score.precision, score.recall, median, f1 - COST_PER_PX * error, score.asked)

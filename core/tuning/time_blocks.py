@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from core.errors import RecordingError
 
 MIN_TIMES: Final = 8
-"""Fewer positions of the ball are nothing to tune on and to check with."""
+"""Fewest positions of the ball for tuning and checking."""
 DRAW: Final = 109
 """The draw that mixes best what comes back every two to seven blocks, of 10, 20 and 40: each part of such a period has
 at least a fifth of its blocks on either side."""

@@ -1,4 +1,4 @@
-"""The search for better thresholds: start, proposals in batches, and what came of it."""
+"""The search for better thresholds: start, proposals in batches, and result."""
 
 from __future__ import annotations
 
@@ -25,45 +25,45 @@ _IMPOSSIBLE: Final = Figures(float("nan"), float("nan"), float("nan"), WORST, 0)
 
 @dataclass(frozen=True, slots=True)
 class TuningTrial:
-    """One config and what it was worth."""
+    """One config and its score."""
 
     values: Mapping[str, Setting]
-    """Of the parameters, by name."""
+    """Values of the parameters, by name."""
     tuned: Figures
     held_out: Figures
     possible: bool = True
-    """False if the values do not go together; nothing was run then."""
+    """False if the values are inconsistent; nothing was run then."""
 
 
 @dataclass(frozen=True, slots=True)
 class TuningProgress:
-    """How far a search is."""
+    """Progress of a search."""
 
     done: int
-    """Trials that are scored."""
+    """Number of scored trials."""
     trials: int
-    """That will be."""
+    """Planned number of trials."""
     best: TuningTrial | None
-    """So far; None before the first batch is told."""
+    """Best score so far; None before the first batch."""
 
 
 @dataclass(frozen=True, slots=True)
 class TuningResult:
-    """What a search found. The best config is the one to start from, if none was better where it was tuned."""
+    """Result of a search. The best config is the start config if none was better on the tuned side."""
 
     start: DetectorConfig
     best: DetectorConfig
     best_trial: int
-    """Its number; 0 is the config to start from."""
+    """Number of the best trial; 0 is the start config."""
     trials: tuple[TuningTrial, ...]
     importance: Mapping[str, float]
     """Share of each parameter in what made trials differ, the largest first; empty if nothing can be said."""
     stopped: bool
-    """Whether it was ended early: only whole batches are in it."""
+    """Whether it was stopped early; it contains only complete batches."""
 
     @property
     def changed(self) -> dict[str, tuple[Setting, Setting]]:
-        """The parameters whose best value is another than that to start from: both."""
+        """Start and best value of the parameters that changed."""
         pairs = {}
         for name in self.trials[0].values:
             path = tuple(name.split("."))
@@ -72,7 +72,7 @@ class TuningResult:
 
     @property
     def better_held_out(self) -> bool:
-        """Whether the best config is also better where nothing was tuned."""
+        """Whether the best config is also better on the held-out side."""
         return self.trials[self.best_trial].held_out.objective > self.trials[0].held_out.objective
 
 
@@ -152,7 +152,7 @@ class _Run:
         self._progress(TuningProgress(len(self.trials), self._count, self.trials[self.best]))
 
     def _config(self, values: Mapping[str, Setting]) -> DetectorConfig | None:
-        """None if the values do not go together."""
+        """Config with these values; None if they are inconsistent."""
         try:
             return config_with(self._start, values)
         except ConfigError:

@@ -1,4 +1,4 @@
-"""Open file: what a browser may open, what it sends, and how that becomes the recording that it shows."""
+"""Open file: the list of files, uploads, and their import as recordings."""
 
 from app.client_session.files.file_opening import FileOpening
 

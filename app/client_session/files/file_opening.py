@@ -1,4 +1,4 @@
-"""Opening a file for one browser: the list, the import with its progress, and what was recognised."""
+"""Opening a file in one browser: the list, the import with progress, and the facts about the file."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LONGEST_NOTE: Final = 400
 
 
 def list_message(files: Sequence[OfferedFile]) -> Message:
-    """The list of the dialog; names and keys, no paths."""
+    """Message with the dialog's list: names and keys, no paths."""
     rows: list[Json] = [
         [file.key, file.path.name, file.folder, file.kind, size_text(file.size_bytes)] for file in files[:MAX_LISTED]
     ]
@@ -36,7 +36,7 @@ def list_message(files: Sequence[OfferedFile]) -> Message:
 
 
 def facts_message(name: str, source: str, kind: str | None, recording: Recording) -> Message:
-    """What was recognised in a file that is open now."""
+    """Message with the facts about the opened file."""
     cameras: list[Json] = [
         f"{camera}: {stream.sensor}, {stream.event_count:,} events" for camera, stream in recording.cameras.items()
     ]
@@ -59,19 +59,19 @@ def question_message(facts: ImportFacts) -> Message:
 
 def _shortened(notes: Sequence[str]) -> list[Json]:
     """As many notes as have room, without the one that only names the file."""
-    said = [note[:LONGEST_NOTE] for note in notes if not note.startswith(IMPORTED_FROM)]
-    return [*said[:MAX_NOTES], *([f"... and {len(said) - MAX_NOTES} more"] if said[MAX_NOTES:] else [])]
+    texts = [note[:LONGEST_NOTE] for note in notes if not note.startswith(IMPORTED_FROM)]
+    return [*texts[:MAX_NOTES], *([f"... and {len(texts) - MAX_NOTES} more"] if texts[MAX_NOTES:] else [])]
 
 
 def problem_message(source: str, path: Path, error: RallyscopeError) -> Message:
-    """Why a file could not be opened, in one line; the file is called as the person calls it."""
+    """One line on why a file could not be opened, with the name that the user knows."""
     title, details = notice_of(error)
     details = details.replace(str(path), source).removeprefix(source).lstrip("; ")
     return {"state": "failed", "file": source, "problem": ": ".join(part for part in (title, details) if part)}
 
 
 def size_text(size_bytes: int) -> str:
-    """A size as people say it."""
+    """Readable text of a size."""
     for unit, bytes_ in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
         if size_bytes >= bytes_:
             return f"{size_bytes / bytes_:.{0 if size_bytes >= 10 * bytes_ else 1}f} {unit}"
@@ -89,11 +89,11 @@ def _extras(recording: Recording) -> list[Json]:
 
 logger = logging.getLogger(__name__)
 BUSY = "A file is being opened already; wait for it, or cancel it."
-GONE = "That file is not in the list any more."
+GONE = "That file is no longer in the list."
 
 
 class FilePage(Protocol):
-    """The page, as far as files go."""
+    """The page's interface for files."""
 
     def listen(self, kind: str, listener: Callable[[Message], None]) -> None: ...
     def send(self, kind: str, values: Message) -> None: ...
@@ -101,7 +101,7 @@ class FilePage(Protocol):
 
 
 class FileSession(Protocol):
-    """What it needs of the session."""
+    """The session's interface for files."""
 
     def later(self, act: Callable[[], None]) -> None: ...
     def open_recording(self, name: str) -> None: ...
@@ -111,9 +111,9 @@ class FileSession(Protocol):
 class _Source:
     path: Path
     name: str
-    """As the person knows it."""
+    """File name shown to the user."""
     received: bool = False
-    """From the browser: it lies in a folder of its own, which goes when it is done with."""
+    """Whether it was uploaded; it is then in a temporary folder of its own."""
 
     def release(self) -> None:
         if self.received:
@@ -131,20 +131,20 @@ class FileOpening:
         self._job: Job[Message | None] | None = None
         self._question: _Source | None = None
         """Looked at, and not to be imported before the person says so."""
-        self._said: Message = {}
+        self._last_sent: Message = {}
         self._called = ""
         self._number = 0
         self._dialogs = 0
-        self._told_share = -1.0
+        self._sent_share = -1.0
         self._lock = threading.Lock()
         self._closed = False
         self._arrived: set[_Source] = set()
-        """Received, and not begun yet."""
+        """Uploaded file whose import has not begun yet."""
         page.listen("files", self._asked)
         page.receive(self._received)
 
     def show_dialog(self) -> None:
-        """Let the page show its dialog."""
+        """Show the page's dialog."""
         self._dialogs += 1
         self._page.send("files_dialog", {"number": self._dialogs})
 
@@ -157,13 +157,13 @@ class FileOpening:
         return True
 
     def tick(self) -> None:
-        """Say how far the import is."""
-        if self._job is not None and self._job.share > self._told_share + 0.005:
-            self._told_share = self._job.share
-            self._tell({"state": "importing", "share": round(self._told_share, 3)})
+        """Send the import's progress."""
+        if self._job is not None and self._job.share > self._sent_share + 0.005:
+            self._sent_share = self._job.share
+            self._tell({"state": "importing", "share": round(self._sent_share, 3)})
 
     def close(self) -> None:
-        """The browser is gone: what it still wanted is not wanted any more."""
+        """The browser has disconnected; its import is cancelled."""
         with self._lock:
             self._closed = True
             arrived, self._arrived = self._arrived, set[_Source]()
@@ -171,7 +171,7 @@ class FileOpening:
             source.release()
         self._cancel()
 
-    # What the page asks for; nothing in a message is trusted.
+    # Messages from the page; nothing in them is trusted.
 
     def _asked(self, message: Message) -> None:
         match message.get("do"):
@@ -223,7 +223,7 @@ class FileOpening:
         if closed or self._job is not None or self._question is not None:
             source.release()
             if not closed:
-                self._tell({**self._said, "problem": BUSY})
+                self._tell({**self._last_sent, "problem": BUSY})
             return
         services = self._services
 
@@ -281,7 +281,7 @@ class FileOpening:
 
     def _start(self, source: _Source, work: Callable[[Progress, Callable[[], bool]], Message | None]) -> None:
         number = self._number
-        self._told_share = 0.0
+        self._sent_share = 0.0
         self._job = Job(
             work,
             lambda facts: self._session.later(lambda: self._done(number, facts)),
@@ -325,5 +325,5 @@ class FileOpening:
         self._tell(values)
 
     def _tell(self, values: Message) -> None:
-        self._said = {name: value for name, value in values.items() if name != "problem"}
+        self._last_sent = {name: value for name, value in values.items() if name != "problem"}
         self._page.send("opening", {"number": self._number, "file": self._called, **values})

@@ -1,4 +1,4 @@
-"""The guided tour: what it says, and to whom it opens by itself."""
+"""The guided tour: its texts, and when it opens by itself."""
 
 from app.client_session.tour.tour import TOUR, Tour
 

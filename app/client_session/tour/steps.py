@@ -1,4 +1,4 @@
-"""What the tour says: a few steps for each mode, each about one thing on the page."""
+"""Texts of the tour: a few steps for each mode, each about one thing on the page."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from typing import Final
 from app.state.client_state import ModeName
 
 PICTURE: Final = "picture"
-"""The middle of the window."""
+"""Anchor for the middle of the window."""
 TIME_BAR: Final = "#rallyscope-bar"
 
 
 @dataclass(frozen=True, slots=True)
 class TourStep:
-    """One card."""
+    """One card of the tour."""
 
     title: str
     text: str
     at: str
-    """What it speaks of: `PICTURE`, the #id of an element of ours, or the words that stand on it."""
+    """Element it explains: `PICTURE`, the #id of an element of ours, or the text on it."""
 
 
 TOURS: Final[Mapping[ModeName, tuple[TourStep, ...]]] = {
     "Watch": (
         TourStep(
             "A rally, seen by two event cameras",
-            "Two cameras that report only changes of brightness watch the ball. From their events it is found, placed "
-            "in space, and its flight is predicted: pale blue before the bounce, cyan after it, in a tube of two "
+            "Two cameras that report only changes of brightness watch the ball. Their events give its position in "
+            "space, and its flight is predicted: pale blue before the bounce, cyan after it, in a tube of two "
             "standard deviations. The racket goes where the prediction says. Drag to turn the view, wheel to come "
             "closer.",
             PICTURE,
@@ -36,7 +36,7 @@ TOURS: Final[Mapping[ModeName, tuple[TourStep, ...]]] = {
         TourStep(
             "Time",
             "Play, step, or drag along the line. Slow motion goes down to 1/1000. Bounces and hits are marked; "
-            "[ and ] go from one to the next. On a live rally the last button leads back to now.",
+            "[ and ] go to the previous and next one. On a live rally the last button returns to now.",
             TIME_BAR,
         ),
         TourStep(
@@ -51,27 +51,27 @@ TOURS: Final[Mapping[ModeName, tuple[TourStep, ...]]] = {
         ),
         TourStep(
             "Five modes",
-            "Watch what happens, Tune the detector, Label true balls, Train a policy, Export files. "
-            "Each shows you round when you first open it.",
+            "Watch a rally, Tune the detector, Label true balls, Train a policy, Export files. "
+            "Each has a tour when you first open it.",
             "Mode",
         ),
     ),
     "Tune": (
         TourStep(
             "Inside the detector",
-            "One window of one camera's events, and the ball that the detector finds in it. Zoom comes closer and "
-            "follows the ball.",
+            "One window of one camera's events, and the ball that the detector finds in it. Zoom enlarges the "
+            "picture and follows the ball.",
             PICTURE,
         ),
         TourStep(
             "Methods",
             "refined is the default. auto and paper show their stages, from raw events to the ball (keys 1 to 6): "
-            "green hulls pass as a ball, red ones say which number fails.",
+            "green hulls can be a ball, red ones show which limit failed.",
             "Method",
         ),
         TourStep(
             "Thresholds",
-            "Each slider is one setting of the method, and picture and table follow it at once. Z takes a change back.",
+            "Each slider is one setting of the method; picture and table update at once. Z undoes a change.",
             "Detector",
         ),
         TourStep(
@@ -83,9 +83,9 @@ TOURS: Final[Mapping[ModeName, tuple[TourStep, ...]]] = {
     ),
     "Label": (
         TourStep(
-            "Say where the ball really is",
-            "Click the ball: the click snaps to the circle that fits its events. The line is where the other camera "
-            "allows it.",
+            "Mark the true ball",
+            "Click the ball: the click snaps to the circle that fits its events. The line shows where the other "
+            "camera allows it.",
             PICTURE,
         ),
         TourStep("Who labels", "Labels carry your name, so that those of several people can be compared.", "Annotator"),
@@ -95,9 +95,9 @@ TOURS: Final[Mapping[ModeName, tuple[TourStep, ...]]] = {
             "State",
         ),
         TourStep(
-            "Let the machine propose",
-            "The detector proposes from here on, and you accept or correct; what looks wrong comes first. Everything "
-            "is on the disk before it is called saved.",
+            "Suggestions",
+            'The detector proposes from here on, and you accept or correct; what looks wrong comes first. "Saved" '
+            "means written to disk.",
             "Assistance",
         ),
     ),
@@ -108,17 +108,17 @@ TOURS: Final[Mapping[ModeName, tuple[TourStep, ...]]] = {
             PICTURE,
         ),
         TourStep(
-            "Start", "Within a minute it goes from missing to placing balls. It goes on without you.", "Train now"
+            "Start", "Within a minute it learns to return and place balls. It continues if you leave.", "Train now"
         ),
         TourStep(
             "How well it does",
             "Return rate, landing error and reward while it learns; beside it the landings and every run.",
             "Curves",
         ),
-        TourStep("Your own training", "Presets and every setting, each with what it means.", "A new training"),
+        TourStep("Your own training", "Presets and all settings, each with an explanation.", "A new training"),
     ),
     "Export": (
-        TourStep("Take it away", "The recording that is open, or a training.", "What"),
+        TourStep("Export files", "The open recording, or a training.", "What"),
         TourStep(
             "For which tool",
             "Rerun, a web page with the 3D scene, films and pictures, DSEC, EVT3, CSV and more.",

@@ -1,4 +1,4 @@
-"""The tour of one browser: opens by itself where nobody was shown round, and never again once done or skipped."""
+"""The tour of one browser: opens by itself once, and never again when finished or skipped."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from app.state.client_state import MODES, ModeName
 from app.web.pages import Json, Message
 
 TOUR: Final = "tour"
-"""What a browser has seen that skipped the tour, or was shown all of it."""
+"""Name of the stored hint: the tour was finished or skipped."""
 BEGUN: Final = "tour begun"
 
 
 class TourPage(Protocol):
-    """The page, and what is kept for its browser."""
+    """The page's interface, with the browser's stored hints."""
 
     @property
     def is_new(self) -> bool: ...
@@ -29,7 +29,7 @@ class TourPage(Protocol):
 
 
 class Tour:
-    """Used by the session's loop."""
+    """The tour of one browser; used by the session's loop."""
 
     def __init__(self, page: TourPage) -> None:
         self._page = page
@@ -39,14 +39,14 @@ class Tour:
         self._shown: ModeName | None = None
         self._mode: ModeName | None = None
         self._number = 0
-        page.listen("tour", self._heard)
+        page.listen("tour", self._on_message)
 
     def tick(self, mode: ModeName) -> None:
-        """Follow the mode that is chosen."""
+        """Update for the chosen mode."""
         if mode == self._mode:
             return
         self._mode = mode
-        if self._shown is not None:  # whoever goes on has seen enough of it
+        if self._shown is not None:  # going on with the app finishes the tour
             self._note(self._shown)
         if self._by_itself and mode not in self._done:
             self._show(mode)
@@ -54,7 +54,7 @@ class Tour:
             self._show(None)
 
     def show(self) -> None:
-        """Show the tour of this mode, seen or not."""
+        """Show the tour of a mode, even if it was seen before."""
         if self._mode is not None:
             self._show(self._mode)
 
@@ -66,7 +66,7 @@ class Tour:
         if mode is not None and self._by_itself:
             self._page.note_seen(BEGUN)
 
-    def _heard(self, message: Message) -> None:
+    def _on_message(self, message: Message) -> None:
         if message.get("do") == "show":
             self.show()
             return

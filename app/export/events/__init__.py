@@ -1,1 +1,1 @@
-"""Events and truth in the formats of others: tables, DSEC, EVT3."""
+"""Export of events and truth: CSV tables, DSEC, EVT3."""

@@ -19,7 +19,7 @@ from core.recordings.layout import BALL_GROUP, Rows, truth_group
 
 Columns = dict[str, NDArray]
 EXTRA_GROUPS: Final = {"/racket": "t_us", "/racket_targets": "t_us", "/predictions": "t_us", "/episodes": "serve_us"}
-"""Groups of the chain and their clocks."""
+"""Groups of the chain and the names of their time columns."""
 
 
 def export_csv(
@@ -38,7 +38,7 @@ def export_csv(
 
     Raises:
         CommandError: if a file exists or cannot be written.
-        ExportCancelledError: if `cancelled` said so; nothing is written then.
+        ExportCancelledError: if `cancelled()` is true; nothing is written then.
     """
     cameras = check_cameras(recording)
     tables = _tables(cameras, span, groups)

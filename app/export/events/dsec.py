@@ -35,7 +35,7 @@ def export_dsec(
 
     Raises:
         CommandError: if a file exists, cannot be written, or the span is too long for 32 bits.
-        ExportCancelledError: if `cancelled` said so; nothing is written then.
+        ExportCancelledError: if `cancelled()` is true; nothing is written then.
     """
     if span.length_us >= 2**32:
         raise CommandError("too long for DSEC's 32-bit times", expected="under 71 minutes", remedy="give --end-us")

@@ -1,4 +1,4 @@
-"""A camera's events in slices: what every event format is written from."""
+"""A camera's events in slices, the input of every event format."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SLICE_US: Final = 100_000
 
 
 def event_slices(stream: CameraStream, span: Span, progress: Progress, cancelled: Cancelled) -> Iterator[Events]:
-    """Slice after slice; times count from the start of the span."""
+    """Yield events slice by slice; times count from the start of the span."""
     for start in range(span.start_us, span.end_us, SLICE_US):
         check_cancelled(cancelled)
         events = stream.slice(start, min(start + SLICE_US, span.end_us))
@@ -24,12 +24,12 @@ def event_slices(stream: CameraStream, span: Span, progress: Progress, cancelled
 
 
 def share_of(number: int, count: int, progress: Progress) -> Progress:
-    """The progress of part `number` of `count` equal ones."""
+    """Progress function of part `number` of `count` equal parts."""
     return lambda share: progress((number + share) / count)
 
 
 def check_cameras(recording: Recording) -> list[str]:
-    """The names of its event cameras.
+    """Names of the recording's event cameras.
 
     Raises:
         CommandError: if there is none.

@@ -28,7 +28,7 @@ def export_evt3(
 
     Raises:
         CommandError: if a file exists, cannot be written, or a sensor is too large.
-        ExportCancelledError: if `cancelled` said so; nothing is written then.
+        ExportCancelledError: if `cancelled()` is true; nothing is written then.
     """
     names = check_cameras(recording)
     for name in names:

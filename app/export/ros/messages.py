@@ -1,4 +1,4 @@
-"""Messages of ROS 2 and Foxglove, made and serialised without ROS, and the two kinds of files that they go into."""
+"""Messages of ROS 2 and Foxglove, serialised without ROS, and the two file types for them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 WORLD: Final = "world"
-"""The frame of everything in 3D: the centre of the table's top, x along its length, z up."""
+"""Name of the world frame: origin at the centre of the table's top, x along its length, z up."""
 EVENT_PACKET: Final = "event_camera_msgs/msg/EventPacket"
 CAMERA_INFO: Final = "sensor_msgs/msg/CameraInfo"
 IMAGE: Final = "sensor_msgs/msg/CompressedImage"
@@ -78,7 +78,7 @@ def distortion_model(camera: Camera) -> str:
 
 
 class MessageFile(Protocol):
-    """What messages are written to."""
+    """A file that messages are written to."""
 
     def add(self, topic: str, kind: str, time_ns: int, data: bytes) -> None:
         """Append a serialised message."""
@@ -86,7 +86,9 @@ class MessageFile(Protocol):
 
 
 class RosMessages:
-    """Makes messages: each method gives the bytes of one; times in ns since 1970, or since the start where unknown."""
+    """Serialises messages: each method returns the bytes of one. Times in ns since 1970, or since the start if
+    unknown.
+    """
 
     def __init__(self) -> None:
         """Raises CommandError where rosbags is missing."""
@@ -99,7 +101,7 @@ class RosMessages:
             self.store.register(get_types_from_msg(text, kind))
 
     def definition(self, kind: str) -> str:
-        """The text that defines a message and all in it."""
+        """Definition text of a message type and its nested types."""
         return self.store.generate_msgdef(kind, ros_version=2)[0]
 
     def events(self, time_ns: int, camera: str, size: tuple[int, int], number: int, words: NDArray[np.uint16]) -> bytes:
@@ -110,7 +112,7 @@ class RosMessages:
         return self._bytes(EVENT_PACKET, header=header, encoding="evt3", events=content, **fields)
 
     def camera_info(self, time_ns: int, name: str, camera: Camera) -> bytes:
-        """The lens of a calibrated camera."""
+        """CameraInfo message of a calibrated camera."""
         whole = {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False}
         P = np.concatenate([camera.K, np.zeros((3, 1))], axis=1)
         return self._bytes(
@@ -129,7 +131,7 @@ class RosMessages:
         )
 
     def poses_of_cameras(self, time_ns: int, cameras: dict[str, Camera]) -> bytes:
-        """Where the cameras stand, as static transforms from the world."""
+        """Static transforms from the world to the cameras."""
         transforms = [
             self._make(
                 "geometry_msgs/msg/TransformStamped",
@@ -162,12 +164,12 @@ class RosMessages:
         return self._bytes(PATH, header=self._header(time_ns, WORLD), poses=poses)
 
     def ball(self, time_ns: int, p_world_m: ArrayLike, *, true: bool) -> bytes:
-        """A ball to be drawn."""
+        """Marker of a ball."""
         size = np.full(3, 2 * BALL_RADIUS_M)
         return self._marker(time_ns, _SPHERE, p_world_m, size, _TRUTH_RGBA if true else _BALL_RGBA, int(true))
 
     def table(self, time_ns: int) -> bytes:
-        """The table to be drawn; its top is the plane z = 0."""
+        """Marker of the table; its top is the plane z = 0."""
         size = np.array([TABLE_LENGTH_M, TABLE_WIDTH_M, _TABLE_THICKNESS_M])
         assert _TABLE_THICKNESS_M < TABLE_HEIGHT_M
         return self._marker(time_ns, _CUBE, (0, 0, -_TABLE_THICKNESS_M / 2), size, _TABLE_RGBA, 2)
@@ -178,7 +180,7 @@ class RosMessages:
         return self._bytes(IMAGE, header=self._header(time_ns, camera), format="png", data=content)
 
     def circle(self, time_ns: int, u_px: float, v_px: float, r_px: float) -> bytes:
-        """A ball that was found in a picture."""
+        """Circle of a detected ball in a picture."""
         one = self._make(
             "foxglove_msgs/msg/CircleAnnotation",
             timestamp=self._time(time_ns),

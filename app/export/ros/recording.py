@@ -1,4 +1,4 @@
-"""A recording as a ROS 2 bag of its events, or as an MCAP file of all that is known of the rally.
+"""A recording as a ROS 2 bag of its events, or as an MCAP file of the whole rally.
 
 Topics, by camera: /NAME/events (EventPacket, EVT3), /NAME/camera_info, and in MCAP /NAME/event_image/compressed (what
 the events look like), /NAME/image/compressed (pictures of an ordinary camera), /NAME/detections (circles for Foxglove).
@@ -35,9 +35,9 @@ from core.recordings.reader import FileRecording
 
 PACKET_US: Final = 10_000
 _INFO_US: Final = 1_000_000
-"""Viewers that begin in the middle get the lenses again after so long."""
+"""Interval of repeated camera infos, for viewers that start in the middle."""
 _LATEST_START_US: Final = 2**31 * 1_000_000 - 10**12
-"""Seconds of ROS have 31 bits."""
+"""Latest start time: seconds of ROS have 31 bits."""
 
 
 class _Message(NamedTuple):
@@ -60,7 +60,7 @@ def export_rosbag(
 
     Raises:
         CommandError: if it exists, cannot be written, a sensor is too large, or rosbags is missing.
-        ExportCancelledError: if `cancelled` said so; nothing is written then.
+        ExportCancelledError: if `cancelled()` is true; nothing is written then.
     """
     messages = RosMessages()
     _check_lenses(recording)
@@ -91,7 +91,7 @@ def export_mcap(
 
     Raises:
         CommandError: if the file exists, cannot be written, a sensor is too large, or a library is missing.
-        ExportCancelledError: if `cancelled` said so; nothing is written then.
+        ExportCancelledError: if `cancelled()` is true; nothing is written then.
     """
     messages = RosMessages()
     _check_lenses(recording)
@@ -109,7 +109,7 @@ def export_mcap(
 
 
 def clock_us(recording: Recording) -> int:
-    """Added to times of the recording for those of the messages: the clock its cameras have in common, or else 0."""
+    """Offset from recording times to message times: the cameras' common clock, else 0."""
     offsets = {int(getattr(stream, "t_offset_us", 0)) for stream in recording.cameras.values()}
     offset = offsets.pop() if len(offsets) == 1 else 0
     return offset if 0 <= offset < _LATEST_START_US else 0
@@ -185,7 +185,7 @@ def _packets(name: str, stream: CameraStream, span: Span, clock: int, messages: 
 def _chain(
     recording: Recording, span: Span, config: ChainConfig, stride_us: int, messages: RosMessages
 ) -> Iterator[_Message]:
-    """What the detectors and the chain found, at the ends of their windows; pictures every `stride_us`."""
+    """Messages of detectors and chain at the ends of their windows; pictures every `stride_us`."""
     clock = clock_us(recording)
     every = max(1, round(stride_us / window_length_us(config)))
     for step in ChainFollower(recording, config, picture_every=every).follow(recording, span):
@@ -215,7 +215,7 @@ def _chain(
 
 
 def _truth(recording: Recording, span: Span, messages: RosMessages) -> Iterator[_Message]:
-    """The table, and the true ball where the recording knows it."""
+    """Messages of the table, and of the true ball if the recording has it."""
     clock = clock_us(recording)
     start_ns = 1000 * (span.start_us + clock)
     if _calibrated(recording) or recording.ball is not None:

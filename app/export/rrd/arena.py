@@ -1,4 +1,4 @@
-"""What does not move, as Rerun entities: table, net, hitting plane, cameras."""
+"""Static Rerun entities: table, net, hitting plane, cameras."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ LEG_M = 0.05
 
 
 def log_arena(stream: rr.RecordingStream, hit_x_m: float | None) -> None:
-    """Table, net, and the hitting plane if there is one."""
+    """Log table, net, and the hitting plane if there is one."""
     stream.log(WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     leg = TABLE_HEIGHT_M - THICKNESS_M
     centres = [(0.0, 0.0, -THICKNESS_M / 2)]

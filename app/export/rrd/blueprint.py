@@ -1,4 +1,4 @@
-"""How an exported recording looks when Rerun opens it."""
+"""Layout of an exported recording in the Rerun viewer."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def recording_blueprint(cameras: Mapping[str, bool], *, rewards: bool) -> rrb.Bl
 
 
 def run_blueprint(seeds: Sequence[str], curves: Mapping[str, str]) -> rrb.Blueprint:
-    """Landing spots in 3D, one view per seed, curves beside them. `curves`: entity -> title."""
+    """Layout of a run: landing points in 3D, one view per seed, and curves. `curves`: entity -> title."""
     spots = [_landings(f"{WORLD}/{seed}", seed) for seed in seeds]
     plots = [rrb.TimeSeriesView(origin=path, name=name, plot_legend=_LEGEND) for path, name in curves.items()]
     return rrb.Blueprint(

@@ -1,4 +1,4 @@
-"""The pictures of one camera in Rerun, with what the detector saw in them, its answer, the truth and labels."""
+"""Rerun entities of one camera: pictures, stages of the detector, detections, truth and labels."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ CIRCLE = np.column_stack([np.cos(ARC), np.sin(ARC)])
 
 
 def send_pictures(stream: rr.RecordingStream, path: str, pictures: Sequence[CameraPicture], *, stages: bool) -> None:
-    """Pictures in order of time, with the stages of the detector as layers that can be switched off one by one."""
+    """Send pictures in order of time, with each stage of the detector as a layer of its own."""
     times = time_column([one.t_us for one in pictures])
     image = rr.EncodedImage.columns(blob=[one.png for one in pictures], media_type=["image/png"] * len(pictures))
     send(stream, path, times, image)
     if not stages:
         return
     points = stacked([one.events_px + HALF_PIXEL for one in pictures], 2)
-    fates = np.concatenate([one.fates for one in pictures])
-    columns = rr.Points2D.columns(positions=points, class_ids=fates, radii=np.full(len(points), 0.5))
-    send(stream, f"{path}/stages/events", times, columns.partition(lengths_of([one.fates for one in pictures])))
+    event_stages = np.concatenate([one.event_stages for one in pictures])
+    columns = rr.Points2D.columns(positions=points, class_ids=event_stages, radii=np.full(len(points), 0.5))
+    send(stream, f"{path}/stages/events", times, columns.partition(lengths_of([one.event_stages for one in pictures])))
     hulls = [hull + HALF_PIXEL for one in pictures for hull in one.hulls_px]
     colours = [HULL_RGB if accepted else REJECTED_RGB for one in pictures for accepted in one.accepted]
     hull_rows = lengths_of([one.hulls_px for one in pictures])
@@ -52,13 +52,13 @@ def send_pictures(stream: rr.RecordingStream, path: str, pictures: Sequence[Came
 def send_detections(
     stream: rr.RecordingStream, path: str, t_us: Sequence[int], found: Sequence[Detection | None]
 ) -> None:
-    """A row per window: the circle, or nothing."""
+    """Send a row per window: the circle, or nothing."""
     rows = [None if one is None else (one.u_px, one.v_px, one.r_px) for one in found]
     _send_circles(stream, f"{path}/detection", t_us, rows, DETECTION_RGB)
 
 
 def send_truth(stream: rr.RecordingStream, path: str, truth: PixelTruth, t_us: NDArray[np.int64]) -> None:
-    """The true outline at given times."""
+    """Send the true outline at given times."""
     now = truth.at(t_us)
     columns = zip(now.u_px.tolist(), now.v_px.tolist(), now.r_px.tolist(), now.visible.tolist(), strict=True)
     rows = [(u, v, r) if visible else None for u, v, r, visible in columns]
@@ -66,7 +66,7 @@ def send_truth(stream: rr.RecordingStream, path: str, truth: PixelTruth, t_us: N
 
 
 def send_labels(stream: rr.RecordingStream, path: str, labels: LabelArrays, hold_us: int) -> None:
-    """What a person said, shown from a label's time on for `hold_us`."""
+    """Send labels, each shown for `hold_us` from its time on."""
     placed = labels.rows(labels.seen & np.isfinite(labels.x_px))
     if not len(placed.t_us):
         return

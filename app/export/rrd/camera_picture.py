@@ -1,4 +1,4 @@
-"""One window of one camera, made ready to be written: the picture, and what each stage of the detector saw in it."""
+"""One window of one camera for Rerun: the picture, and the results of each stage of the detector."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from core.events import Window, polarity_image
 
 
 class EventStage(IntEnum):
-    """How far an event came that survived denoising."""
+    """Last stage that an event passed after denoising."""
 
     DENOISED = 1
     """In no cluster."""
     REJECTED = 2
-    """In a cluster that is no ball."""
+    """In a cluster that was rejected."""
     TRAILING = 3
-    """Of the ball, but not of its leading edge."""
+    """Palette index of events of the ball that are not on its leading edge."""
     LEADING = 4
-    """Of the ball's leading edge: the circle goes round these."""
+    """Palette index of events on the ball's leading edge; the circle encloses these."""
 
 
 EVENT_STAGE_NAMES = {
@@ -38,7 +38,7 @@ EVENT_STAGE_NAMES = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PictureJob:
-    """What a picture is made of. Small enough to go to another process."""
+    """Input of a picture, small enough to send to another process."""
 
     window: Window
     before: TrackState
@@ -54,18 +54,18 @@ class CameraPicture:
     """End of the window."""
     png: bytes
     events_px: NDArray[np.float32]
-    """(N, 2) the events that survived denoising."""
-    fates: NDArray[np.uint16]
+    """(N, 2) events left after denoising."""
+    event_stages: NDArray[np.uint16]
     """(N,) values of `EventStage`."""
     hulls_px: tuple[NDArray[np.float32], ...]
     """Closed outlines (K, 2) of the clusters that were measured."""
     accepted: tuple[bool, ...]
-    """For each of them."""
+    """Whether each of them was accepted."""
     roi: Roi | None
 
 
 def make_picture(job: PictureJob) -> CameraPicture:
-    """Draw and trace one window."""
+    """Draw one window and run the detector on it."""
     window = job.window
     png = polarity_png(polarity_image(window.events))
     if not job.stages:
@@ -78,18 +78,18 @@ def make_picture(job: PictureJob) -> CameraPicture:
         window.end_us,
         png,
         np.column_stack([clean.x_px, clean.y_px]).astype(np.float32),
-        _fates(trace),
+        _event_stages(trace),
         tuple(np.concatenate([hull, hull[:1]]).astype(np.float32) for hull, _ in shapes),
         tuple(accepted for _, accepted in shapes),
         trace.roi,
     )
 
 
-def _fates(trace: PipelineTrace) -> NDArray[np.uint16]:
-    fates = np.full(len(trace.labels), EventStage.DENOISED, np.uint16)
-    fates[trace.labels >= 0] = EventStage.REJECTED
+def _event_stages(trace: PipelineTrace) -> NDArray[np.uint16]:
+    event_stages = np.full(len(trace.labels), EventStage.DENOISED, np.uint16)
+    event_stages[trace.labels >= 0] = EventStage.REJECTED
     for one in trace.candidates:
         if one.rejected is None:
-            fates[one.rows] = EventStage.TRAILING
-            fates[one.leading_rows] = EventStage.LEADING
-    return fates
+            event_stages[one.rows] = EventStage.TRAILING
+            event_stages[one.leading_rows] = EventStage.LEADING
+    return event_stages

@@ -1,4 +1,4 @@
-"""A Rerun file while it is written: under a temporary name, packed by Rerun itself at the end."""
+"""Writing a Rerun file under a temporary name; Rerun itself packs it at the end."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def rerun_file(
 
     Raises:
         CommandError: if the file exists and `overwrite` is not set, or it cannot be written.
-        ExportCancelledError: if `cancelled` said so.
+        ExportCancelledError: if `cancelled()` is true.
     """
     with unfinished_file(path, overwrite=overwrite) as unfinished:
         raw = unfinished.with_name("raw.rrd")

@@ -1,4 +1,4 @@
-"""What moves in the world, in Rerun: the ball, its prediction, the racket, where balls came down."""
+"""Moving Rerun entities: the ball, its prediction, the racket, landing points."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ AFTER_RGB = (30, 225, 110)
 RECORDED_RGB = (230, 120, 255)
 TARGET_RGB = (255, 90, 10)
 SIGMAS = 2.0
-"""Uncertainties are drawn as ellipsoids of so many standard deviations."""
+"""Size of the uncertainty ellipsoids in standard deviations."""
 MIN_HALF_SIZE_M = 0.004
 ABOVE_M = 0.004
 EPISODE_US = 1_500_000
-"""A ball is played out after so long."""
+"""Longest duration of an episode."""
 
 
 def send_ball(
@@ -107,7 +107,7 @@ def send_predictions(stream: rr.RecordingStream, t_us: Sequence[int], prediction
 
 
 def send_recorded_predictions(stream: rr.RecordingStream, rows: Rows) -> None:
-    """Those that the recording holds: where the ball was expected at the hitting plane."""
+    """Send the recorded predictions of the ball at the hitting plane."""
     variances = np.diagonal(rows["cov"][:, :3, :3], axis1=1, axis2=2)
     sigmas = np.sqrt(np.maximum(variances, 0.0))
     known = np.isfinite(rows["p_hit_m"].sum(axis=1)).tolist()
@@ -127,7 +127,7 @@ def send_racket(stream: rr.RecordingStream, rows: Rows) -> None:
 
 
 def send_racket_targets(stream: rr.RecordingStream, rows: Rows) -> None:
-    """Where the racket was sent, and where on the table the ball is to land."""
+    """Send the racket's targets and the landing targets."""
     send_racket_shape(stream, RACKET_TARGET, int(rows["t_us"][0]))
     times = time_column(rows["t_us"])
     pose = rr.Transform3D.columns(
@@ -138,7 +138,7 @@ def send_racket_targets(stream: rr.RecordingStream, rows: Rows) -> None:
 
 
 def send_episodes(stream: rr.RecordingStream, rows: Rows) -> None:
-    """Where each ball came down, by its case: from the next serve on, when that is known for certain."""
+    """Send where each ball landed, by its case, shown from the next serve on."""
     serves_us = rows["serve_us"].astype(np.int64)
     times = time_column(np.append(serves_us[1:], serves_us[-1] + EPISODE_US))
     cases = [Case(int(case)) for case in rows["case"]]

@@ -31,24 +31,24 @@ from core.recordings.layout import Rows
 from labels.arrays import LabelArrays
 
 STEPS_PER_PART = 512
-"""Rows are handed to Rerun in parts of so many windows, about a second."""
+"""Windows per part sent to Rerun, about a second."""
 SHARE_OF_STEPS = 0.95
-"""Of the time; the rest is optimizing the file."""
+"""Share of the time that the steps take; the rest is optimizing the file."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RrdContents:
-    """What goes into the file."""
+    """Contents of the file."""
 
     chain: ChainConfig = field(default_factory=ChainConfig)
     stride_us: int = DEFAULT_STRIDE_US
     """Time between two pictures; rounded to whole windows of the detector."""
     pictures: bool = True
     stages: bool = True
-    """What each stage of the detector saw, on the pictures."""
+    """Whether the pictures show the results of each stage of the detector."""
     plots: bool = True
     labels: Mapping[str, LabelArrays] = field(default_factory=dict)
-    """By camera."""
+    """Labels by camera."""
 
 
 def export_rrd(
@@ -66,7 +66,7 @@ def export_rrd(
 
     Raises:
         CommandError: if the file exists and `overwrite` is not set, or it cannot be written.
-        ExportCancelledError: if `cancelled` said so; there is no file then.
+        ExportCancelledError: if `cancelled()` is true; there is no file then.
     """
     name = f"{recording.uuid}-{span.start_us}-{span.end_us}"
     blueprint = blueprint_of(recording, contents, groups)
@@ -80,13 +80,13 @@ def export_rrd(
 
 
 def blueprint_of(recording: Recording, contents: RrdContents, groups: Callable[[str], Rows | None]) -> rrb.Blueprint:
-    """How a viewer arranges it."""
+    """Layout of the recording in a viewer."""
     cameras = {name: one.calibration is not None for name, one in recording.cameras.items()}
     return recording_blueprint(cameras, rewards=contents.plots and groups("/episodes") is not None)
 
 
 class RallyWriter:
-    """Writes one rally to a stream, span after span."""
+    """Writes one rally to a stream, span by span."""
 
     def __init__(
         self,
@@ -112,11 +112,11 @@ class RallyWriter:
         self._pictures: dict[str, list[CameraPicture]] = {name: [] for name in self._cameras}
 
     def pictures_of(self, span: Span) -> int:
-        """About how many pictures a span will have."""
+        """Approximate number of pictures in a span."""
         return len(self._paths) * span.length_us // (self._every * self._window_us) if self._contents.pictures else 0
 
     def begin(self) -> None:
-        """Write what never moves."""
+        """Write the static entities."""
         if any(camera is not None for camera in self._cameras.values()):
             log_arena(self._stream, self._contents.chain.predictor.hit_x_m)
         log_cameras(self._stream, self._cameras)

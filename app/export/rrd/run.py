@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 Lines = Sequence[dict[str, object]]
 SMOOTHED_OVER: Final = 100
 ABOVE_M: Final = 0.018
-"""Spots are balls of their radius: lower, half of them would be in the table."""
+"""Height of landing points: they are drawn as spheres; lower, half of each would be in the table."""
 SPOT_M: Final = 0.02
 GOAL_M: Final = 0.03
 GOAL_RGB: Final = (255, 90, 10)
@@ -51,7 +51,7 @@ def export_run(
     Raises:
         ConfigError: if the folder holds no run.
         CommandError: if nothing was played yet, or the file cannot be written.
-        ExportCancelledError: if `cancelled` said so; there is no file then.
+        ExportCancelledError: if `cancelled()` is true; there is no file then.
     """
     config = read_run(run)
     found = (folder.name.removeprefix("seed-") for folder in run.glob("seed-*"))
@@ -78,7 +78,7 @@ def export_run(
 
 
 def moving_mean(values: Array, over: int) -> Array:
-    """(N,) mean of the last `over` values that are known, up to each; nan where none is."""
+    """(N,) mean of the known values among the last `over`, up to each; nan where there is none."""
     known = np.isfinite(values)
     sums = np.concatenate([[0.0], np.cumsum(np.where(known, values, 0.0))])
     counts = np.concatenate([[0], np.cumsum(known)])
@@ -143,7 +143,7 @@ def _send_curve(stream: rr.RecordingStream, entity: str, episodes: NDArray[np.in
 
 
 def _column(lines: Lines, key: str) -> Array:
-    """Numbers; nan where a line does not know."""
+    """Values of a column; nan where a line has none."""
     return np.array([np.nan if line.get(key) is None else float(str(line[key])) for line in lines])
 
 

@@ -1,4 +1,4 @@
-"""A Rerun viewer that is sent to while it looks: a recording once, or a live rally as it goes on."""
+"""Streaming to a Rerun viewer: a recording once, or a live rally continuously."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from core.recordings.layout import Rows
 
 CONNECT_S: Final = 4.0
 FLUSH_S: Final = 20.0
-"""A viewer that has not taken a second of a rally after so long is not there any more."""
+"""A viewer that has not accepted one second of a rally after this long counts as lost."""
 LIVE_PART_US: Final = 300_000
-"""A live rally is sent in parts of so long."""
+"""Length of the parts in which a live rally is sent."""
 BEHIND_US: Final = 4_000_000
-"""What is older than this when its turn comes is left out: the machine does not keep up."""
+"""Parts older than this when they could be sent are skipped: the machine is too slow."""
 WAIT_S: Final = 0.05
 
 
@@ -35,7 +35,7 @@ WAIT_S: Final = 0.05
 def viewer_stream(
     address: str, blueprint: rrb.Blueprint, *, recording_id: str, name: str
 ) -> Iterator[tuple[rr.RecordingStream, Callable[[], None]]]:
-    """The stream to a viewer at `rerun+http://HOST:PORT/proxy`, and what says whether it still takes what is sent.
+    """The stream to a viewer at `rerun+http://HOST:PORT/proxy`, and a function that checks that it still accepts data.
 
     Raises:
         CommandError: if there is no viewer, or it is lost.
@@ -66,11 +66,11 @@ def stream_recording(
     progress: Progress = lambda share: None,
     cancelled: Cancelled = lambda: False,
 ) -> None:
-    """Send what the Rerun file of a span would hold.
+    """Send a span, the same data as its Rerun file.
 
     Raises:
         CommandError: if there is no viewer, or it is lost.
-        ExportCancelledError: if `cancelled` said so; the viewer keeps what it has.
+        ExportCancelledError: if `cancelled()` is true; the viewer keeps what it has.
     """
     blueprint = blueprint_of(recording, contents, groups)
     with viewer_stream(address, blueprint, recording_id=_identity(recording, span), name=name) as (stream, check):
@@ -91,11 +91,11 @@ def stream_live(
     cancelled: Cancelled = lambda: False,
     skipped: Callable[[int], None] = lambda us: None,
 ) -> None:
-    """Send a live rally from now on, until `cancelled` says so; `skipped` hears how much of it was left out, in all.
+    """Send a live rally from now on until `cancelled()` is true; `skipped` gets the total time left out.
 
     Raises:
         CommandError: if there is no viewer, or it is lost, or another session of the simulation began.
-        ExportCancelledError: when `cancelled` said so.
+        ExportCancelledError: when `cancelled()` is true.
     """
     session, since_us, left_out_us = ring.uuid, ring.duration_us, 0
     blueprint = blueprint_of(ring, contents, groups)
@@ -122,7 +122,7 @@ def stream_live(
 
 
 def _identity(recording: Recording, span: Span) -> str:
-    """Another one each time: a viewer would add to what it has."""
+    """New recording id for each stream; with the same one a viewer would append."""
     return f"{recording.uuid}-{span.start_us}-{span.end_us}-{time.time_ns()}"
 
 

@@ -29,12 +29,12 @@ INSET_PX: Final = 330
 """Width of a camera's picture."""
 MARGIN_PX: Final = 12
 EVENTS_US: Final = 5_000
-"""A camera's picture shows the events of so long."""
+"""Length of the events shown in a camera's picture."""
 STRIDE_US: Final = 10_000
 FRAMES_PER_S: Final = 25.0
-"""Of the film: with the default stride a quarter of the real speed."""
+"""Frame rate of the film: with the default stride a quarter of the real speed."""
 WARM_UP_US: Final = 700_000
-"""The chain runs for so long before a single picture, so that trail and prediction are in it."""
+"""The chain runs this long before a single picture, so that it shows trail and prediction."""
 FREE: Final = 0.13
 """Share of the picture that stays free on each side of the table: the insets stand there."""
 COLOURS: Final = palette("orange / blue")
@@ -57,7 +57,7 @@ def export_mp4(
     Raises:
         CalibrationError: if the ball cannot be found in space.
         CommandError: if the file exists and `overwrite` is not set, or it cannot be written.
-        ExportCancelledError: if `cancelled` said so; there is no file then.
+        ExportCancelledError: if `cancelled()` is true; there is no file then.
     """
     drawing = _drawing(chain)
     moments = scene_moments(recording, span, chain, stride_us, groups, progress, cancelled)
@@ -84,12 +84,12 @@ def export_png(
     progress: Progress = lambda share: None,
     cancelled: Cancelled = lambda: False,
 ) -> Path:
-    """Write one picture, of the span's end; the chain has seen what came before it.
+    """Write a picture of the span's end; the chain has processed the time before it.
 
     Raises:
         CalibrationError: if the ball cannot be found in space.
         CommandError: if the file exists and `overwrite` is not set, or it cannot be written.
-        ExportCancelledError: if `cancelled` said so; there is no file then.
+        ExportCancelledError: if `cancelled()` is true; there is no file then.
     """
     before = Span(max(0, span.end_us - WARM_UP_US), span.end_us)
     last: SceneMoment | None = None
@@ -121,7 +121,7 @@ def _compose(drawing: SceneDrawing, recording: Recording, moment: SceneMoment) -
 
 
 def _inset(stream: CameraStream, t_us: int, circles: Mapping[str, tuple[float, float, float]]) -> NDArray[np.uint8]:
-    """The events before a time, in few pixels, with the circle of the ball that was found."""
+    """Small picture of the events before a time, with the detected circle."""
     binning = max(1, round(stream.sensor.width_px / INSET_PX))
     picture = COLOURS[polarity_image(stream.slice(max(0, t_us - EVENTS_US), t_us), binning=binning)]
     circle = circles.get(stream.name)

@@ -1,4 +1,4 @@
-"""A moment of a rally drawn by this program alone: a pinhole view of the 3D scene, without a browser or a GPU.
+"""Software drawing of a moment of a rally: a pinhole view of the 3D scene, without a browser or a GPU.
 
 It is a drawing and not what the browser renders: no lights, and of what hides what only the net and the table.
 """
@@ -40,7 +40,7 @@ from core.table import (
 Rgb = tuple[int, int, int]
 Image = NDArray[np.uint8]
 TABLE_RGB: Final = (48, 122, 202)
-"""As the lit one in the browser."""
+"""Colour of the lit table in the browser."""
 NET_RGB: Final = (196, 204, 216)
 LINE_PX: Final = 2
 TRAIL_PX: Final = 3
@@ -51,7 +51,7 @@ TURN: Final = np.linspace(0, 2 * np.pi, 33)[:-1]
 
 
 class SceneDrawing:
-    """Draws moments from one point of view; the parts that do not move are drawn once."""
+    """Draws moments from one viewpoint; static parts are drawn once."""
 
     def __init__(self, size: SensorSize, view: Viewpoint, *, plane_x_m: float) -> None:
         f = size.height_px / 2 / math.tan(view.fov_rad / 2)
@@ -64,7 +64,7 @@ class SceneDrawing:
         self._still = self._image.copy()
 
     def draw(self, picture: RallyPicture) -> Image:
-        """(height, width, 3) RGB."""
+        """Picture of a moment, (height, width, 3) RGB."""
         self._image = self._still.copy()
         for spot in picture.spots:
             if math.isfinite(spot.x_m) and math.isfinite(spot.y_m):
@@ -112,7 +112,7 @@ class SceneDrawing:
         self._path(np.array([(x, -y, 0), (x, y, 0), (x, y, z), (x, -y, z), (x, -y, 0)]), PLANE_RGB, 1)
 
     def _draw_floor(self) -> None:
-        """The browser's floor, seen by this camera."""
+        """Draw the floor."""
         floor = floor_picture()
         rows, columns = floor.shape[:2]
         K, T = self._camera.K, np.linalg.inv(self._camera.T_world_camera)
@@ -173,7 +173,7 @@ class SceneDrawing:
             self._path(points[number : number + 2], rgb, TRAIL_PX)
 
     def _shadow(self, ball: NDArray[np.float64]) -> None:
-        """Soft: some discs over each other."""
+        """Draw a soft shadow from several discs."""
         shadow = shadow_of(ball, self._radius_m(ball, BALL_RADIUS_M))
         centre, dark = (shadow.x_m, shadow.y_m, shadow.z_m), DARKNESS[shadow.strength] / 3
         where = self._box(_circle(centre, shadow.radius_m))
@@ -185,7 +185,7 @@ class SceneDrawing:
         self._image[where] = before
 
     def _box(self, points: NDArray[np.float64]) -> tuple[slice, slice]:
-        """Rows and columns of the picture that hold these points; none if one is behind the camera."""
+        """Rows and columns of the picture that contain the points; none if one is behind the camera."""
         if not (self._camera.to_camera(points)[:, 2] > NEAR_M).all():
             return slice(0), slice(0)
         pixels = self._pixels(points) >> BITS
@@ -193,7 +193,7 @@ class SceneDrawing:
         return slice(top, bottom), slice(left, right)
 
     def _radius_m(self, centre: NDArray[np.float64], radius_m: float) -> float:
-        """Never less than the share of the picture that the browser draws at least."""
+        """Radius to draw, m: at least the browser's minimum share of the picture."""
         depth = float(self._camera.to_camera(centre)[0, 2])
         return max(radius_m, MIN_SHARE * self._camera.sensor.height_px * depth / self._camera.K[0, 0])
 
@@ -225,5 +225,5 @@ class SceneDrawing:
 
 
 def _circle(centre: ArrayLike, radius_m: float) -> NDArray[np.float64]:
-    """(N, 3) points of a level circle."""
+    """(N, 3) points of a horizontal circle."""
     return np.column_stack([np.cos(TURN), np.sin(TURN), np.zeros_like(TURN)]) * radius_m + np.asarray(centre)

@@ -1,4 +1,4 @@
-"""A part of a recording as the 3D scene shows it, moment after moment."""
+"""A part of a recording as moments of the 3D scene."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class SceneMoment:
     t_us: int
     picture: RallyPicture
     circles: Circles
-    """u, v, r in pixels of the ball that was found, by camera."""
+    """u, v, r of the detected ball, px, by camera."""
 
 
 def scene_moments(
@@ -45,7 +45,7 @@ def scene_moments(
     progress: Progress,
     cancelled: Cancelled,
 ) -> Iterator[SceneMoment]:
-    """What is known every `stride_us` (rounded to whole windows), nothing of it from later.
+    """A moment every `stride_us` (rounded to whole windows), from data up to that time only.
 
     Raises:
         CalibrationError: if the ball cannot be found in space.
@@ -74,7 +74,7 @@ def scene_moments(
 
 
 class _Groups:
-    """A reader of groups as something that has them."""
+    """Adapter of a function that reads groups."""
 
     def __init__(self, groups: Callable[[str], Rows | None]) -> None:
         self._groups = groups

@@ -1,4 +1,4 @@
-"""The 3D scene with playback, for viser's player, or as a web page that needs nothing else.
+"""The 3D scene with playback, for viser's player, or as a standalone web page.
 
 viser records the messages that a browser would get. So a server is started for a moment, on this machine only, and the
 same actors as in the app are moved through the recording.
@@ -42,11 +42,11 @@ ROOT: Final = "/world"
 STRIDE_US: Final = 10_000
 EVENTS_US: Final = 5_000
 ASPECT: Final = 16 / 9
-"""Of the window for which the first view is chosen."""
+"""Width over height of the window for which the first view is chosen."""
 FRUSTUM_PX: Final = 320
-"""About so wide are the event pictures in the frusta."""
+"""Approximate width of the event pictures in the frusta, px."""
 SLOWER: Final = 4.0
-"""Playback takes so many times as long as the rally: a serve is over in half a second."""
+"""Slow-down of the playback: a serve takes only half a second."""
 
 
 def export_scene(
@@ -67,7 +67,7 @@ def export_scene(
     Raises:
         CalibrationError: if the ball cannot be found in space.
         CommandError: if the file exists and `overwrite` is not set, or it cannot be written.
-        ExportCancelledError: if `cancelled` said so; there is no file then.
+        ExportCancelledError: if `cancelled()` is true; there is no file then.
     """
     moments = scene_moments(recording, span, chain, stride_us, groups, progress, cancelled)
     cameras = calibrated_cameras(recording) if is_stereo(recording) else {}
@@ -86,7 +86,7 @@ def export_scene(
 
 
 class _Actors:
-    """What moves in the scene."""
+    """Moving objects of the scene."""
 
     def __init__(self, scene: viser.SceneApi, cameras: dict[str, Camera], plane_x_m: float) -> None:
         add_arena(scene, ROOT)
@@ -100,7 +100,7 @@ class _Actors:
         self._rig = RigActors(scene, f"{ROOT}/rig", cameras, pictures=True)
 
     def show(self, picture: RallyPicture, pngs: dict[str, bytes]) -> None:
-        """Show a moment, with what the cameras see."""
+        """Show a moment, with the cameras' pictures."""
         self._rig.show(pngs)
         self._ball.show(picture.ball, picture.truth, None)
         self._trail.show(picture.trail, picture.trail_speeds_mps)

@@ -27,17 +27,17 @@ Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 SIZE: Final = SensorSize(1280, 720)
 FRAMES_PER_S: Final = 25.0
-"""Balls fly at their real speed."""
+"""Frame rate; balls fly at their real speed."""
 EVERY: Final = 10
-"""Of so many balls one is shown, and the last;"""
+"""One ball of this many is shown, and the last;"""
 MAX_BALLS: Final = 300
-"""of a long training every 20th, 30th ..., so that there are no more than about these: ten minutes of film."""
+"""About the most balls shown: ten minutes of film. Of a long training every 20th, 30th ... is shown."""
 WINDOW: Final = 25
-"""Balls that the figures are over, as those of the curves in Train."""
+"""Balls over which the figures are averaged, as in the curves of Train."""
 CHART_PX: Final = (500, 130)
 MARGIN_PX: Final = 18
 WORDS_PX: Final = (470, 164)
-"""The upper left corner, darker: there the words stand."""
+"""Size of the darker upper left corner that holds the text."""
 CHART_TOP_MM: Final = 800.0
 TEXT_RGB: Final = (228, 230, 234)
 MUTED_RGB: Final = (150, 154, 162)
@@ -48,25 +48,25 @@ RETURNED_RGB: Final = CASE_RGB[Case.RETURNED]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilmedBalls:
-    """The episodes of one seed, as far as a film tells of them; NaN for what is not known."""
+    """Data of the episodes of one seed that a film shows; NaN if unknown."""
 
     lines: tuple[dict[str, object], ...]
     cases: Array
-    """(N,)."""
+    """Case of each episode, (N,)."""
     landings_m: Array
-    """(N, 2)."""
+    """Landing points, (N, 2), m."""
     errors_mm: Array
-    """(N,) of the balls that the racket met."""
+    """Landing errors of the balls that the racket hit, (N,)."""
 
     def before(self, count: int) -> tuple[float, float]:
-        """Share that came back, and mean error in mm, of the last `WINDOW` of the first `count` balls."""
+        """Share returned and mean error in mm of the last `WINDOW` among the first `count` balls."""
         part = slice(max(0, count - WINDOW), count)
         known = self.errors_mm[part][np.isfinite(self.errors_mm[part])]
         share = float((self.cases[part] == Case.RETURNED).mean()) if count else math.nan
         return share, float(known.mean()) if len(known) else math.nan
 
     def spots(self, count: int) -> tuple[LandingSpot, ...]:
-        """Where the first `count` balls came down, the newest of them."""
+        """Landing points of the newest among the first `count` balls."""
         known = np.flatnonzero(
             np.isfinite(self.landings_m[:count]).all(axis=1)
             & (np.abs(np.nan_to_num(self.landings_m[:count])).max(axis=1, initial=0.0) < REACH_M)
@@ -85,7 +85,7 @@ def shown_balls(count: int) -> tuple[int, ...]:
 
 
 def read_filmed_balls(run: Path, seed: int) -> FilmedBalls:
-    """What a seed has played so far.
+    """Read the episodes that a seed has played so far.
 
     Raises:
         CommandError: if that is nothing.
@@ -117,9 +117,9 @@ def export_training_film(
     Raises:
         ConfigError: if there is no such run, or its lines are broken.
         CommandError: if it has played no ball, or the file exists and `overwrite` is not set, or cannot be written.
-        ExportCancelledError: if `cancelled` said so; there is no file then.
+        ExportCancelledError: if `cancelled()` is true; there is no file then.
     """
-    from app.export.film_file import film_file  # its encoder is loaded for who makes a film
+    from app.export.film_file import film_file  # the encoder is loaded only for a film
 
     config = read_run(run)
     seed = config.first_seed if seed is None else seed
@@ -137,7 +137,7 @@ def export_training_film(
         for number, index in enumerate(shown):
             check_cancelled(cancelled)
             ball = ball_of_line(balls.lines[index])
-            if ball is None:  # a line that does not tell enough
+            if ball is None:  # an incomplete line
                 continue
             replay = replay_ball(ball, config.environment, None, "")
             for share, image in _frames(drawing, replay, balls, index):
@@ -154,7 +154,7 @@ def export_training_film(
 
 
 def _frames(drawing: SceneDrawing, replay: Replay, balls: FilmedBalls, index: int) -> Iterator[tuple[float, Image]]:
-    """Share of the ball's time that is over, and the picture of it (height, width, 3)."""
+    """Yield the share of the ball's time so far and its picture (height, width, 3)."""
     spots = balls.spots(index)
     count = max(1, math.ceil(replay.duration_s * FRAMES_PER_S))
     for frame in range(count):
@@ -167,7 +167,7 @@ def _down_share(replay: Replay) -> float:
 
 
 def _write_words(image: Image, title: str, balls: FilmedBalls, index: int, replay: Replay, *, is_down: bool) -> None:
-    """Number of the ball, what came of it once that is seen, and how the balls before it did."""
+    """Write the ball's number, its outcome once it is seen, and the results of the balls before it."""
     ball = replay.ball
     corner = image[: WORDS_PX[1], : WORDS_PX[0]]
     corner[:] = corner // 2
@@ -206,7 +206,7 @@ def draw_chart(balls: FilmedBalls) -> Image:
 
 
 def _put_chart(image: Image, chart: Image, share: float) -> None:
-    """In the lower right corner: bright up to this ball, dark what is to come."""
+    """Put the chart into the lower right corner: bright up to this ball, dark after it."""
     height, width = chart.shape[:2]
     top, left = SIZE.height_px - MARGIN_PX - height, SIZE.width_px - MARGIN_PX - width
     now = round(share * (width - 1))

@@ -83,7 +83,7 @@ class ViewerPanel:
             self._start = gui.add_button(
                 "Stream to Rerun",
                 icon=viser.Icon.BROADCAST,
-                hint="What the Rerun file holds; a live rally from now on",
+                hint="The same data as the Rerun file; a live rally from now on",
             )
             self._stop = gui.add_button("Stop streaming", icon=viser.Icon.PLAYER_STOP, color="red", visible=False)
             self._status = gui.add_html("")

@@ -103,9 +103,9 @@ class ExportMode:
                 self._offered_s = wall_s
                 self._labelled_by = self._annotators()
                 self._plan.offer(tuple(sorted(self._host.services.workspace.run_names())), self._labelled_by)
-            said = made_with_html(self._plan.plan, state.detector_a, self._labelled_by)
-            if said != self._made_with.content:
-                self._made_with.content = said
+            made_with = made_with_html(self._plan.plan, state.detector_a, self._labelled_by)
+            if made_with != self._made_with.content:
+                self._made_with.content = made_with
             self._files.show(self._exporter.state(), self._exporter.files())
             self._viewer.show(self._host.services.viewer.state())
 

@@ -47,8 +47,8 @@ class ViewOptions:
         self._folder = gui.add_folder("Of the 3D view", visible=False)
         with self._folder:
             gui.add_html(
-                "<div style='font-size:12.5px;padding:2px 12px'>Your browser draws it as you see it here. Turn the "
-                "view first; keep this window in front while a film is made.</div>"
+                "<div style='font-size:12.5px;padding:2px 12px'>Your browser renders the current view. Turn "
+                "the view first, and keep this window in front while a film is made.</div>"
             )
             self._size = gui.add_dropdown("Size", tuple(SIZES), initial_value="1280 x 720")
             self._rate = gui.add_dropdown("Frames a second", tuple(FRAMES_PER_S))
@@ -116,13 +116,15 @@ class ExportPlanPanel:
         with self._range:
             self._start = gui.add_number("From [s]", 0.0, min=0.0, step=0.001)
             self._end = gui.add_number("To [s]", 0.0, min=0.0, step=0.001)
-            part = gui.add_button_group("Take", (ALL, ROUND), hint="All of it, or a second each side of the cursor")
+            part = gui.add_button_group(
+                "Take", (ALL, ROUND), hint="The whole recording, or 1 s before and after the cursor"
+            )
         self._view = ViewOptions(gui)
         self._contents = gui.add_folder("In the Rerun file", expand_by_default=False)
         with self._contents:
-            self._pictures = gui.add_checkbox("Pictures", True, hint="What each camera saw")
+            self._pictures = gui.add_checkbox("Pictures", True, hint="Pictures of each camera")
             self._stages = gui.add_checkbox(
-                "Stages", True, hint="What the detector saw: denoised, clusters, hulls, ROI"
+                "Stages", True, hint="Stages of the detector: denoised, clusters, hulls, ROI"
             )
             self._plots = gui.add_checkbox("Curves", True, hint="Event rates, latencies, errors")
             self._stride = gui.add_dropdown(

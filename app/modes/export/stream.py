@@ -49,7 +49,7 @@ class StreamOrder:
 
         Raises:
             RallyscopeError: if there is no viewer, or it is lost.
-            ExportCancelledError: if `cancelled` said so.
+            ExportCancelledError: if `cancelled()` is true.
         """
         from app.export.rrd.recording import RrdContents  # Rerun is loaded when it is wanted
         from app.export.rrd.viewer import stream_live, stream_recording
@@ -67,7 +67,7 @@ class StreamOrder:
         if isinstance(recording, RingRecording):
             stream_live(
                 recording, self.address, contents, name=self.name, groups=groups, cancelled=cancelled,
-                skipped=lambda us: remark(f"{us / 1e6:.1f} s were left out: this machine does not keep up"),
+                skipped=lambda us: remark(f"{us / 1e6:.1f} s were skipped: this machine is too slow"),
             )  # fmt: skip
             return
         span = span_of(recording, plan.start_us, plan.end_us)

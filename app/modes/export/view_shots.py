@@ -104,7 +104,7 @@ class ViewShots:
 
         Raises:
             CommandError: if the view was left, or the browser is gone or does not answer.
-            ExportCancelledError: if `cancelled` said so.
+            ExportCancelledError: if `cancelled()` is true.
         """
         rally, eye = self._rally, self._eye
         assert rally is not None and eye is not None

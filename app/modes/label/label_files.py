@@ -81,7 +81,7 @@ def zip_label_files(request: LabelFilesRequest, path: Path, progress: Progress, 
     Raises:
         CommandError: if it exists already, or cannot be written.
         LabelError: if there are no labels, or the format cannot hold them.
-        ExportCancelledError: if `cancelled` said so; there is no file then.
+        ExportCancelledError: if `cancelled()` is true; there is no file then.
     """
     if not request.labels:
         remedy = "label something first, or choose another annotator or camera"

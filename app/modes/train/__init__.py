@@ -1,1 +1,1 @@
-"""Training from the app: what may be started, the one process that trains, and what its files tell."""
+"""Train: start a training, watch its balls, curves and landings."""

@@ -1,4 +1,4 @@
-"""The curves of a run over its episodes, and the last evaluation of each of its seeds with their mean."""
+"""Curves of a run over its episodes, and the last evaluation of each seed with their mean."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from core.physics.episode import Case
 
 Array = NDArray[np.float64]
 WINDOW: Final = 25
-"""Balls that a point of a smoothed curve is over; fewer at the beginning,"""
+"""Balls averaged in a point of a smoothed curve; fewer at the beginning,"""
 FEWEST: Final = 5
 """but not fewer than this: one lucky ball is no return rate."""
 MAX_POINTS: Final = 1000
@@ -29,11 +29,11 @@ class Curves:
     """The curves of one seed; each (N,) has a value per episode."""
 
     values: dict[str, Array]
-    """By the names in CURVES."""
+    """Values of each curve, by the names in CURVES."""
     evaluated_at: Array
     """(E,) episodes after which the policy played the fixed balls."""
     evaluated: dict[str, Array]
-    """`returned` (%) and `error_mm` of that, (E,)."""
+    """`returned` (%) and `error_mm` of these evaluations, (E,)."""
 
     def __len__(self) -> int:
         return len(self.values["reward"])
@@ -72,7 +72,7 @@ def rolling_mean(values: Array, window: int) -> Array:
 
 
 def shared_axis(longest: int) -> Array:
-    """Episodes, counted from 1, at which curves are drawn: all, or evenly spread ones that end with the last."""
+    """Episodes, counted from 1, at which curves are drawn: all, or evenly spaced ones up to the last."""
     if longest <= MAX_POINTS:
         return np.arange(1, longest + 1, dtype=np.float64)
     step = math.ceil(longest / MAX_POINTS)
@@ -81,7 +81,7 @@ def shared_axis(longest: int) -> Array:
 
 
 def on_axis(values: Array, axis: Array) -> Array:
-    """(A,) a curve (N,) at the episodes of an axis; NaN beyond its end."""
+    """(A,) values of a curve (N,) at the episodes of an axis; NaN beyond its end."""
     index = axis.astype(np.intp) - 1
     inside = index < len(values)
     return (
@@ -142,14 +142,14 @@ CELL: Final = "text-align:right;font-weight:400;padding:0 3px;white-space:nowrap
 
 @dataclass(frozen=True, slots=True)
 class SeedEvaluation:
-    """A seed's policy on the fixed balls when it was evaluated last."""
+    """Last evaluation of a seed's policy on the fixed balls."""
 
     seed: int
     episode: int
-    """After so many balls."""
+    """Number of balls before it."""
     speed_mps: float
     returned: float
-    """%."""
+    """Share returned, %."""
     error_mm: float
 
 
@@ -159,14 +159,14 @@ class SeedResults:
 
     seeds: tuple[SeedEvaluation, ...]
     returned: SeedSpread
-    """%, over the seeds that are `counted`; Student's t."""
+    """Share returned, %, over the `counted` seeds, with Student's t interval."""
     error_mm: SeedSpread
     counted: int
     """All seeds of a finished run; before its end those that have come farthest, and equally far."""
 
 
 def seed_results(evaluations: dict[int, Evaluations], *, finished: bool) -> SeedResults | None:
-    """The seeds of a run side by side; None for one seed, or before the first evaluation."""
+    """Results of all seeds of a run; None for one seed, or before the first evaluation."""
     last = [_result(seed, lines[-1]) for seed, lines in sorted(evaluations.items()) if lines]
     if len(evaluations) < 2 or not last:
         return None
@@ -181,7 +181,7 @@ def seed_results(evaluations: dict[int, Evaluations], *, finished: bool) -> Seed
 
 
 def seed_results_html(results: SeedResults | None) -> str:
-    """A row for each seed, and one for their mean; empty for a run with one seed."""
+    """HTML with a row for each seed, and one for their mean; empty for a run with one seed."""
     if results is None:
         return ""
     titles = table_row(("seed", "after", "returned", "error"), CELL, tag="th")
@@ -214,7 +214,7 @@ def _after(one: SeedEvaluation) -> str:
 
 
 def _ends(spread: SeedSpread, digits: int, highest: float) -> str:
-    """The interval as far as it means anything: no share is above 100 %, no distance below 0."""
+    """Interval clipped to possible values: no share above 100 %, no distance below 0."""
     if spread.count < 2:
         return "-"
     return f"{max(0.0, spread.low):.{digits}f} to {min(highest, spread.high):.{digits}f}"

@@ -19,31 +19,31 @@ from core.learning.config import AgentName, CurriculumConfig, RunConfig, StateSo
 
 MAX_STAGES: Final = 10
 MAX_EPISODES: Final = 20_000
-"""Of one stage; what a browser may start is bounded."""
+"""Most episodes of one stage that a browser may start."""
 MAX_SEEDS: Final = 50
 EVALUATIONS_PER_STAGE: Final = 10
-"""At least: a short stage is evaluated, and its policy kept, more often than every 50 episodes."""
+"""Fewest evaluations per stage: a short stage is evaluated more often than every 50 episodes."""
 SB3_NEEDS: Final = ("stable_baselines3", "sb3_contrib")
 SOURCES: Final[tuple[StateSource, ...]] = ("predicted", "truth", "truth+noise")
-"""Not `events`: a second a ball is for the command line."""
+"""State sources that are offered. Not `events`, which takes a second per ball: use the command line."""
 PACES: Final[dict[str, float | None]] = {
-    "as fast as it goes": None,
+    "as fast as possible": None,
     "20 balls a second": 20.0,
     "5 balls a second": 5.0,
     "2.5 balls a second": 2.5,
     "1 ball a second": 1.0,
 }
-"""What the speed control offers."""
+"""Choices of the speed control."""
 
 
 @dataclass(frozen=True, slots=True)
 class Preset:
-    """A run with a name and a pace."""
+    """A run config with a name and a speed."""
 
     slug: str
-    """What its runs are called."""
+    """Prefix of its runs' names."""
     config: RunConfig
-    pace: str = "as fast as it goes"
+    pace: str = "as fast as possible"
 
 
 def _landing_model(*speeds_mps: float, episodes: int = 100, source: StateSource = "truth") -> RunConfig:
@@ -53,7 +53,7 @@ def _landing_model(*speeds_mps: float, episodes: int = 100, source: StateSource 
     return dataclasses.replace(run, environment=environment, curriculum=stages)
 
 
-TRAIN_NOW: Final = "From missing to placing in a minute"
+TRAIN_NOW: Final = "Learn to place balls in a minute"
 PRESETS: Final[dict[str, Preset]] = {
     TRAIN_NOW: Preset("first", _landing_model(5.0), "2.5 balls a second"),
     "The paper: 800 balls at 3 m/s, 900 at 5 m/s": Preset("paper", default_run("ddpg")),
@@ -68,7 +68,7 @@ PRESETS: Final[dict[str, Preset]] = {
 
 
 def offered_agents() -> tuple[AgentName, ...]:
-    """Agents that can be trained here: those of stable-baselines3 need it."""
+    """Agents that can be trained here; some need stable-baselines3."""
     ours: tuple[AgentName, ...] = ("ddpg", "landing-model")
     has_sb3 = all(importlib.util.find_spec(name) is not None for name in SB3_NEEDS)
     return get_args(AgentName) if has_sb3 else ours
@@ -94,9 +94,9 @@ def startable_run(config: RunConfig) -> RunConfig:
     if len(curriculum.speeds_mps) > MAX_STAGES:
         raise ConfigError("not a curriculum", expected=f"1 to {MAX_STAGES} speeds", where="speeds")
     if max(curriculum.episodes) > MAX_EPISODES:
-        raise ConfigError("not so many", expected=f"1 to {MAX_EPISODES} a stage", where="episodes")
+        raise ConfigError("too many", expected=f"1 to {MAX_EPISODES} a stage", where="episodes")
     if config.seeds > MAX_SEEDS:
-        raise ConfigError("not so many", expected=f"1 to {MAX_SEEDS}", got=config.seeds, where="seeds")
+        raise ConfigError("too many", expected=f"1 to {MAX_SEEDS}", got=config.seeds, where="seeds")
     every = max(1, min(config.checkpoint_every, min(curriculum.episodes) // EVALUATIONS_PER_STAGE))
     return dataclasses.replace(config, checkpoint_every=every)
 
@@ -114,11 +114,11 @@ MAIN: Final[tuple[Path, ...]] = (
     ("seeds",),
     ("first_seed",),
 )
-"""What most people change; everything else is folded away."""
+"""Main fields; all others are folded away."""
 NOT_HERE: Final = (("environment", "task"), ("environment", "recorded"))
 LONGEST_NUMBER: Final = 12
 LARGEST_WHOLE: Final = 2.0**53
-"""A browser knows only floats; beyond this they skip whole numbers."""
+"""Largest whole number that a browser's floats represent exactly."""
 
 
 def form_specs() -> tuple[FieldSpec, ...]:
@@ -163,11 +163,11 @@ def run_of_form(base: RunConfig, values: Mapping[Path, object]) -> RunConfig:
     for path, value in values.items():
         where: dict = mapping
         for name in path[:-1]:
-            where = where.setdefault(name, {})  # of a registered section that is as it comes
+            where = where.setdefault(name, {})  # a registered section with its defaults
         where[path[-1]] = _value(specs[path], value)
     curriculum = mapping["curriculum"]
     assert isinstance(curriculum, dict)
-    if len(curriculum["episodes"]) == 1:  # one number is for all stages
+    if len(curriculum["episodes"]) == 1:  # one number applies to all stages
         curriculum["episodes"] = curriculum["episodes"] * len(curriculum["speeds_mps"])
     return config_from_mapping(RunConfig, mapping, where="the form")
 
@@ -184,7 +184,7 @@ def _value(spec: FieldSpec, value: object) -> object:
 
 
 def _numbers(spec: FieldSpec, text: str) -> tuple[float, ...]:
-    """What a person typed: "3, 5"."""
+    """Numbers of a typed list such as "3, 5"."""
     parts = text[: 2 * MAX_STAGES * LONGEST_NUMBER].replace(",", " ").split()
     try:
         if not 1 <= len(parts) <= MAX_STAGES or any(len(part) > LONGEST_NUMBER for part in parts):
@@ -218,9 +218,9 @@ class FormPanel:
             for section, fields in groupby(specs[len(MAIN) :], lambda spec: spec.path[:-1]):
                 with gui.add_folder(section_title(section), expand_by_default=False):
                     self._handles |= {spec.path: add_field_control(gui, spec) for spec in fields}
-        self._name = gui.add_text("Name", "", hint="Of the run; empty: one is made")
+        self._name = gui.add_text("Name", "", hint="Name of the run; empty: chosen automatically")
         self._place = gui.add_dropdown(
-            "Where", places, visible=len(places) > 1, hint="Seeds are trained side by side there"
+            "Where", places, visible=len(places) > 1, hint="Where seeds are trained in parallel"
         )
         button = gui.add_button("Start", icon=viser.Icon.PLAYER_PLAY)
         when_changed(self._preset, lambda name: later(lambda: self._use(str(name))))
@@ -230,7 +230,7 @@ class FormPanel:
 
     @property
     def preset(self) -> Preset:
-        """The one that was chosen last."""
+        """Preset that was chosen last."""
         return self._chosen
 
     def _use(self, name: str) -> None:

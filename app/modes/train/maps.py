@@ -1,4 +1,4 @@
-"""The policy map of a run: who makes it when, and its picture: cells by error, arrows from target to mean landing."""
+"""The policy map of a run and its picture: cells coloured by error, arrows from target to mean landing."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 LOW_M: Final = (-0.2, -0.92)
 HIGH_M: Final = (1.65, 0.92)
-"""What is in the picture; an arrow to a place beyond ends at its edge."""
+"""Extent of the picture; arrows are clipped at its edge."""
 PIXELS_PER_M: Final = 360
 LEGEND_PX: Final = 64
-"""Below the table."""
+"""Height of the legend below the table."""
 FLOOR_RGB: Final = (34, 37, 44)
 LINE_RGB: Final = (214, 219, 226)
 ARROW_RGB: Final = (255, 255, 255)
 LOST_RGB: Final = (20, 20, 24)
-"""A target's dot where fewer than `MOST_RETURNED` come back."""
+"""Colour of a target's dot where fewer than `MOST_RETURNED` come back."""
 MAX_RETURNED: Final = 0.9
 ERROR_COLOURS: Final = (
     (0.0, (40, 140, 96)),
@@ -43,7 +43,7 @@ ERROR_COLOURS: Final = (
     (200.0, (210, 110, 50)),
     (400.0, (140, 36, 60)),
 )
-"""mm and RGB, linear in between; larger errors have the last one."""
+"""Error in mm and RGB, interpolated linearly; larger errors have the last colour."""
 
 
 def draw_map(found: PolicyMap) -> Picture:
@@ -113,28 +113,28 @@ def _pixel(point_m: Array | tuple[float, float]) -> tuple[int, int]:
     return round((x - LOW_M[0]) * PIXELS_PER_M), round((HIGH_M[1] - y) * PIXELS_PER_M)
 
 
-NO_POLICY: tuple[str, ...] = ("No policy is saved yet: the first checkpoint is to come.",)
+NO_POLICY: tuple[str, ...] = ("No policy yet: waiting for the first checkpoint.",)
 
 
 @dataclass(frozen=True, slots=True)
 class MapRequest:
-    """Whose map: the last policy of a seed, at the speed of its last evaluation."""
+    """Request of the map of a seed's last policy, at the speed of its last evaluation."""
 
     run: str
     seed: int
     speed_mps: float
     environment: EnvironmentConfig
     shown: object = None
-    """The `key` of what is shown already."""
+    """The `key` of the map that is already shown."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapView:
-    """A map to look at."""
+    """A map as a picture with text."""
 
     key: object
     png: bytes | None
-    """None: there is none, and the words say why."""
+    """PNG picture; None: there is none, and the text says why."""
     words: tuple[str, ...]
 
 
@@ -152,10 +152,10 @@ class MapViewer:
         self._workspace = workspace
 
     def __call__(self, request: MapRequest) -> MapView | None:
-        """The map; None if it is the one that is shown."""
+        """The map; None if it is already shown."""
         path = seed_files(self._workspace.run_path(request.run), request.seed).policy
         try:
-            about = path.stat()  # before it is read: a newer one is looked at again
+            about = path.stat()  # taken before reading, so that a newer file is read again
         except OSError:
             key: object = (request.run, request.seed, None)
             return None if key == request.shown else MapView(key, None, NO_POLICY)
@@ -170,7 +170,7 @@ class MapViewer:
 
 
 def map_words(found: PolicyMap, seed: int) -> tuple[str, ...]:
-    """What the picture shows, in lines for people."""
+    """Text lines that explain the picture."""
     inside = found.inside
     lines = [
         f"The last policy of seed {seed}: {len(inside)} targets, the same {found.serves} serves at "
@@ -179,15 +179,15 @@ def map_words(found: PolicyMap, seed: int) -> tuple[str, ...]:
     ]
     if found.trained.is_one:
         x, y = found.trained.low_m
-        lines.append(f"Trained on one target, the rings: x {x:.2f} m, y {y:.2f} m. All others are new to it.")
+        lines.append(f"Trained on one target, the rings: x {x:.2f} m, y {y:.2f} m. It was not trained on the others.")
     else:
         low, high = found.trained.low_m, found.trained.high_m
         lines.append(
             f"Trained on targets in the box, x {low[0]:.2f} to {high[0]:.2f} m, y {low[1]:.2f} to {high[1]:.2f} m."
         )
         if inside.any():
-            lines.append(f"Inside of the box {_result(found, inside)}.")
-    lines.append(f"{'All over the half' if inside.all() or found.trained.is_one else 'Outside'} {_rest(found)}.")
+            lines.append(f"Inside the box {_result(found, inside)}.")
+    lines.append(f"{'Whole half' if inside.all() or found.trained.is_one else 'Outside'} {_rest(found)}.")
     if found.known_exactly:
         lines.append("The ball's state is known here: cameras are not rendered for a map.")
     return tuple(lines)

@@ -30,7 +30,7 @@ AFTER_FAILURE_S: Final = 10.0
 
 
 class TrainMode:
-    """Train as one browser sees it; the training itself is shared by all."""
+    """The Train mode of one browser; the training itself is shared by all."""
 
     uses_recording = False
     takes_keys = False
@@ -72,17 +72,17 @@ class TrainMode:
 
     @property
     def needs_tick(self) -> bool:
-        """Balls fly, or a training goes on."""
+        """Whether balls fly or a training runs."""
         return self._view is not None and self._view.run is not None
 
     @property
     def details(self) -> Details | None:
-        """What is shown of the chosen run."""
+        """Details of the chosen run."""
         return self._details
 
     @property
     def replay(self) -> Replay | None:
-        """The ball that flies in the scene."""
+        """Replay of the ball in the scene."""
         return self._scene.replay
 
     def show(self, active: bool) -> None:
@@ -94,10 +94,10 @@ class TrainMode:
             self._scene.clear()
 
     def use_recording(self, recording: Recording) -> None:
-        """Trainings have nothing to do with recordings."""
+        """Do nothing: trainings do not depend on recordings."""
 
     def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
-        """Ask twice a second how the runs do; move the ball."""
+        """Update the runs twice a second; move the ball."""
         if not self._waiting and wall_s - self._asked_s >= LOOK_EVERY_S:
             self._asked_s, self._waiting = wall_s, True
             shown = None if self._view is None or self._details is None else self._view.key
@@ -109,10 +109,10 @@ class TrainMode:
             self._scene.draw(wall_s, self._host.services.workspace.run_path(view.run.name), view.run.config, details)
 
     def clicked(self, x: float, y: float) -> None:
-        """Nothing is chosen by clicks."""
+        """Do nothing: Train has no clickable pictures."""
 
     def close(self) -> None:
-        """The browser is gone; the training goes on."""
+        """The browser has disconnected; the training continues."""
         self._viewer.close()
         self._maps.close()
         self._scene.close()
@@ -150,14 +150,14 @@ class TrainMode:
             self._side.show_map(view)
 
     def _filmed(self) -> tuple[str, int] | None:
-        """Run and seed that are shown, once there is a ball to film."""
+        """Run and seed to film, once a ball was played."""
         view, details = self._view, self._details
         if view is None or view.run is None or details is None or not details.episodes_done:
             return None
         return view.run.name, details.seed
 
     def _tell_ends(self, view: RunsView) -> None:
-        """A note where a training has just ended."""
+        """Notify that a training has just ended."""
         for run in view.runs:
             was = self._phases.get(run.name)
             self._phases[run.name] = run.phase
@@ -166,21 +166,21 @@ class TrainMode:
             if run.phase == "failed":
                 self._host.note(f"Training {run.name} failed", f"{run.message}; its log is on the left", "red")
             elif run.phase in ("finished", "stopped"):
-                self._host.note(f"Training {run.name} {run.phase}", "It is kept with its policies.", "green")
+                self._host.note(f"Training {run.name} {run.phase}", "It was saved with its policies.", "green")
 
     def _failed(self, error: Exception) -> None:
         self._host.later(lambda: self._fail(error))
 
     def _fail(self, error: Exception) -> None:
         self._waiting = False
-        self._asked_s = time.monotonic() + AFTER_FAILURE_S  # the same note every half second helps nobody
+        self._asked_s = time.monotonic() + AFTER_FAILURE_S  # no repeated notifications
         self._scene.clear()
         self._host.report(error)
 
-    # What a person asks for ---------------------------------------------------------------------------------------
+    # Actions ---------------------------------------------------------------------------------------
 
     def train_now(self) -> None:
-        """Start the preset that can be watched from missing to placing."""
+        """Start the preset that goes from misses to placed balls."""
         preset = PRESETS[TRAIN_NOW]
         self._host.later(lambda: self._begin(self._trainer.free_name(preset.slug), preset.config, preset.pace))
 
@@ -190,7 +190,7 @@ class TrainMode:
         self._begin(chosen, config, self._pace, place)
 
     def _choose_preset(self, preset: Preset) -> None:
-        """A preset has a pace, for when it is started; what is being trained keeps its own."""
+        """Choose a preset and its speed; a running training keeps its own speed."""
         self._pace = preset.pace
         if self._trainer.active() is None:
             self._run_panel.show_pace(preset.pace)
@@ -201,11 +201,11 @@ class TrainMode:
         self._follow(None)
 
     def ask(self, command: RunCommand) -> None:
-        """Pause or go on."""
+        """Pause or continue."""
         self._host.later(lambda: self._trainer.ask(command))
 
     def ask_to_stop(self) -> None:
-        """Stop, once that is confirmed."""
+        """Stop after a confirmation."""
         self._host.later(self._confirm_stop)
 
     def _confirm_stop(self) -> None:
@@ -216,7 +216,7 @@ class TrainMode:
             )
 
     def resume(self) -> None:
-        """Go on with the run that is shown."""
+        """Resume the run that is shown."""
         self._host.later(self._resume)
 
     def _resume(self) -> None:
@@ -225,7 +225,7 @@ class TrainMode:
             self._asked_s = float("-inf")
 
     def let_play(self) -> None:
-        """The policy of the run that is shown plays the live rally."""
+        """Let the policy of the run that is shown play the live rally."""
         self._host.later(self._let_play)
 
     def _let_play(self) -> None:
@@ -247,9 +247,7 @@ class TrainMode:
     def _watch(self, name: str) -> None:
         self._host.open_recording(LIVE)
         self._host.send(SetMode("Watch"))
-        self._host.note(
-            f"{name} plays", "Its policy turns the racket of the live rally; Watch counts what returns.", "green"
-        )
+        self._host.note(f"{name} plays", "Its policy plays the live rally; Watch counts the returns.", "green")
 
     def _report(self, error: RallyscopeError) -> None:
         self._host.later(lambda: self._host.report(error))
@@ -264,7 +262,7 @@ class TrainMode:
         self._trainer.set_pace(PACES[pace])
 
     def choose_run(self, name: str) -> None:
-        """Look at another run."""
+        """Show another run."""
         self._host.later(lambda: self._follow(None if name == NEWEST else name))
 
     def _follow(self, name: str | None) -> None:
@@ -273,7 +271,7 @@ class TrainMode:
         self._asked_s = float("-inf")
 
     def compare_with(self, name: str) -> None:
-        """Draw other runs' curves beside it."""
+        """Choose other runs whose curves are drawn too."""
         compared = None if name == LAST_ONES else () if name == NOBODY else (name,)
         self._host.later(lambda: self._compare(compared))
 

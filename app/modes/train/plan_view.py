@@ -1,4 +1,4 @@
-"""Where balls came down, as small pictures: on the table seen from above, and seen from their targets."""
+"""Pictures of landing points: on the table from above, and relative to their targets."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 LOW_M: Final = (-1.55, -1.2)
 HIGH_M: Final = (2.25, 1.2)
-"""What is in the picture; a spot beyond is drawn at its edge."""
+"""Extent of the picture; landing points beyond it are drawn at its edge."""
 PIXELS_PER_M: Final = 180
 FLOOR_RGB: Final = (34, 37, 44)
 TABLE_RGB: Final = (18, 62, 120)
 LINE_RGB: Final = (214, 219, 226)
 NET_RGB: Final = (160, 165, 174)
 OLDEST_SHARE: Final = 0.35
-"""How much of its colour the oldest spot keeps; newer ones have more."""
+"""Opacity of the oldest landing point; newer ones have more."""
 SUB_PIXEL_BITS: Final = 4
 OFFSETS_REACH_M: Final = 0.5
-"""Half a side of the picture round the target; a ball farther off is drawn at its rim."""
+"""Half the side of the picture around the target; balls farther off are drawn at its edge."""
 OFFSETS_PX: Final = 680
 OFFSETS_RINGS_M: Final = (0.1, 0.2, 0.3, 0.4)
 RING_RGB: Final = (74, 79, 90)
 NEW_BALLS: Final = 25
-"""The last ones stand out."""
+"""Number of newest balls that are highlighted."""
 OLD_RGB: Final = (120, 84, 56)
 NEW_RGB: Final = (255, 140, 40)
 

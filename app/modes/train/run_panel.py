@@ -1,4 +1,4 @@
-"""The run that is looked at: its state, what can be asked of it, and a film of it."""
+"""The shown run: state, controls, and film."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ NO_RALLY_HTML: Final = (
 
 
 class RunActions(Protocol):
-    """What a person may ask for here; all of it may be called from any thread."""
+    """Actions of this panel; thread-safe."""
 
     def train_now(self) -> None: ...
     def ask(self, command: RunCommand) -> None: ...
@@ -48,7 +48,7 @@ class RunPanel:
         self._now = gui.add_button(
             "Train now",
             icon=viser.Icon.PLAYER_PLAY_FILLED,
-            hint="A hundred balls at 5 m/s, slowly enough to watch: from missing to placing in a minute",
+            hint="A hundred balls at 5 m/s, slow enough to watch: it learns to place balls in a minute",
         )
         self._status = gui.add_html("")
         self._progress = gui.add_progress_bar(0.0, visible=False)
@@ -64,9 +64,9 @@ class RunPanel:
             hint="Its policy plays the live rally from now on; opens Watch",
         )
         self._why_not = gui.add_html(NO_RALLY_HTML, visible=False)
-        self._pace = Listing(gui, "Pace", actions.set_pace, hint="Slow the training down to watch it, at any time")
+        self._pace = Listing(gui, "Pace", actions.set_pace, hint="Limit the training's speed to watch it")
         self._pace.offer(tuple(PACES))
-        self._runs = Listing(gui, "Run", actions.choose_run, hint="Whose curves, landings and balls are shown")
+        self._runs = Listing(gui, "Run", actions.choose_run, hint="The run whose curves, landings and balls are shown")
         self._runs.offer((NEWEST,))
         self._compared = Listing(gui, "Compare with", actions.compare_with, hint="Curves of other runs beside it")
         self._compared.offer((LAST_ONES, NOBODY))
@@ -78,7 +78,7 @@ class RunPanel:
         when_clicked(self._play, actions.let_play)
 
     def show(self, view: RunsView, details: Details | None, *, has_rally: bool) -> None:
-        """Follow what the runs do; the buttons are for the one that is trained, or else the one that is shown.
+        """Update the status; the buttons act on the running training, or else on the shown run.
 
         `has_rally`: there is a live rally that a policy can play.
         """
@@ -104,11 +104,11 @@ class RunPanel:
             self._pace.show(pace or next(iter(PACES)))
 
     def show_run(self, name: str | None) -> None:
-        """Which run is chosen; None: the newest."""
+        """Show which run is chosen; None: the newest."""
         self._runs.show(name or NEWEST)
 
     def show_pace(self, pace: str) -> None:
-        """How fast the run is allowed to go."""
+        """Show the speed of the training."""
         self._pace.show(pace)
 
 
@@ -116,9 +116,9 @@ def confirm_stop(gui: viser.GuiApi, name: str, stop: Callable[[], None]) -> None
     """Ask before a training is stopped."""
     modal = gui.add_modal(f"Stop {name}?")
     with modal:
-        gui.add_markdown("It can be resumed later: what it has learned so far is kept.")
+        gui.add_markdown("It can be resumed later; its progress is kept.")
         yes = gui.add_button("Yes, stop it", icon=viser.Icon.PLAYER_STOP, color="red")
-        no = gui.add_button("No, let it train", icon=viser.Icon.PLAYER_PLAY)
+        no = gui.add_button("No, continue", icon=viser.Icon.PLAYER_PLAY)
 
     def end() -> None:
         modal.close()
@@ -137,20 +137,20 @@ Shown = tuple[str, int] | None
 
 
 class FilmPanel:
-    """For one browser; the film is one of the exports that all share. Methods are called by the loop."""
+    """Film controls of one browser; the export is shared by all. Methods are called by the loop."""
 
     def __init__(self, host: ModeHost, shown: Callable[[], Shown]) -> None:
         self._host = host
         self._exporter = host.services.exporter
         self._shown = shown
         self._film: str | None = None
-        """The one that was asked for here last."""
+        """Last film requested here."""
         self._looked_s = float("-inf")
         gui = host.client.gui
         self._make = gui.add_button(
             "Film of this training",
             icon=viser.Icon.MOVIE,
-            hint="Every 10th ball from the first to the last, as a film; it lands among the exports",
+            hint="Every 10th ball from the first to the last, as a film among the exports",
         )
         self._progress = gui.add_progress_bar(0.0, visible=False)
         self._cancel = gui.add_button("Cancel the film", icon=viser.Icon.X, color="red", visible=False)
@@ -161,7 +161,7 @@ class FilmPanel:
         when_clicked(self._download, lambda: host.later(self._send))
 
     def tick(self, wall_s: float) -> None:
-        """Follow the film."""
+        """Update the film's progress."""
         if wall_s - self._looked_s < LOOK_EVERY_S:
             return
         self._looked_s = wall_s
@@ -194,7 +194,7 @@ class FilmPanel:
 
     def _stop(self) -> None:
         state = self._exporter.state()
-        if state is not None and state.name == self._film:  # never another's export
+        if state is not None and state.name == self._film:  # not another browser's export
             self._exporter.cancel()
             self._looked_s = float("-inf")
 

@@ -33,7 +33,7 @@ W2: Final = "#6eeb82"
 AXIS: Final = "#9aa0aa"
 GRID: Final = "#32363e"
 ERROR_TOPS_MM: Final = (50.0, 100.0, 200.0, 400.0, 800.0)
-"""The error's scale ends at one of these: it changes rarely, and says at once where one is."""
+"""Possible ends of the error's scale; few, so that it rarely changes."""
 WEIGHTS: Final = "weights"
 TITLES: Final = (
     ("returned", f"Returned, % of the last {WINDOW} balls"),
@@ -43,7 +43,7 @@ TITLES: Final = (
 
 
 class ChartsPanel:
-    """Charts are made with the first curves: one that begins empty may never show its ticks. Then only data is sent,
+    """Charts, made with the first curves: an empty chart may never show its ticks. Later only data is sent,
     and a scale when it has to grow.
     """
 
@@ -55,7 +55,7 @@ class ChartsPanel:
         self._titles: list[viser.GuiHtmlHandle] = []
         self._charts: dict[str, viser.GuiUplotHandle] = {}
         self._seeds = 0
-        """Lines of single seeds that the charts have."""
+        """Number of single seeds' curves in the charts."""
 
     def show(
         self,
@@ -66,11 +66,11 @@ class ChartsPanel:
         several_seeds: bool,
         results: SeedResults | None = None,
     ) -> None:
-        """Draw these curves in place of the last ones; `results` of the seeds, where there are several."""
+        """Draw new curves; `results` of the seeds if there are several."""
         self._legend.content = curve_legend_html(run, compared, several_seeds=several_seeds)
         self._results.content = seed_results_html(results)
         columns = chart_columns(data)
-        if len(data.seeds) != self._seeds and self._charts:  # another number of curves: another chart
+        if len(data.seeds) != self._seeds and self._charts:  # a chart has a fixed number of curves
             for part in (*self._titles, *self._charts.values()):
                 part.remove()
             self._titles, self._charts = [], {}
@@ -113,7 +113,7 @@ def chart_columns(data: ChartData) -> dict[str, list[Array]]:
 
 
 def curve_legend_html(run: str, compared: tuple[str, ...], *, several_seeds: bool) -> str:
-    """Which colour is which run."""
+    """HTML legend of the runs' colours."""
     entries = [(OURS, run), (EVALUATED, "fixed balls")]
     if several_seeds:
         entries += [(SEED, "its other seeds"), (MEAN, "mean of its seeds, 95 % interval (t)")]
@@ -133,7 +133,7 @@ def _range_of(name: str, curves: list[Array]) -> tuple[float, float]:
     if name == "reward":
         return -1.1, 4.1
     highest = 0.0
-    for curve in curves[2:]:  # the interval of few seeds is wide, and no reason to draw them small
+    for curve in curves[2:]:  # the wide interval of few seeds does not set the scale
         known = curve[np.isfinite(curve)]
         highest = max(highest, float(known.max()) if len(known) else 0.0)
     return 0.0, next((top for top in ERROR_TOPS_MM if highest <= top), ERROR_TOPS_MM[-1])
@@ -219,7 +219,7 @@ FIRST_PIXELS: Final = np.zeros((1, 1, 3), np.uint8)
 
 
 class SidePanel:
-    """What stands left of the scene in Train, for one browser."""
+    """Panel at the left of the scene in Train, for one browser."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
         self._panel = gui.add_panel(visible=False)
@@ -245,14 +245,14 @@ class SidePanel:
         self._panel.visible = visible
 
     def show_map(self, view: MapView) -> None:
-        """Another policy's map."""
+        """Show a policy map."""
         self._map.visible = view.png is not None
         if view.png is not None:
             set_png(self._map, view.png)
         self._map_words.content = map_html(view.words)
 
     def show(self, view: RunsView, details: Details | None) -> None:
-        """Follow the runs; what is drawn is drawn again only when the view brings something new."""
+        """Update from the runs; pictures are redrawn only when the view has changed."""
         self._runs.content = runs_html(view.runs, view.results)
         self._log.content = log_html(view.log, details)
         if view.run is None or view.details is None:

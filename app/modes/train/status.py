@@ -1,4 +1,4 @@
-"""How a training goes, in words and as HTML."""
+"""Status of a training as text and HTML."""
 
 from __future__ import annotations
 
@@ -33,9 +33,8 @@ CELL: Final = "text-align:right;font-weight:400;padding:0 4px"
 def status_html(
     run: RunState | None, details: Details | None, active: RunState | None, bounds: tuple[str, ...] = ()
 ) -> str:
-    """The chosen run in a few lines, and the one that is being trained if that is another.
-
-    `bounds`: lines on what the racket's bounds leave a player.
+    """HTML of the chosen run, and of the running training if that is another. `bounds`: lines on limits by the racket's
+    bounds.
     """
     if run is None:
         return _box("<b>Nothing trained yet.</b><br>Press <b>Train now</b> and watch a policy learn to place balls.")
@@ -58,7 +57,7 @@ def status_html(
 
 
 def plan_text(run: RunState) -> str:
-    """What is trained, in one line."""
+    """One line about what is trained."""
     config = run.config
     curriculum = config.curriculum
     stages = ", ".join(
@@ -82,7 +81,7 @@ def _progress_text(run: RunState, details: Details) -> str:
 
 
 def time_text(seconds: float) -> str:
-    """A duration as people say it."""
+    """Readable text of a duration."""
     if seconds < 90:
         return f"{seconds:.0f} s"
     if seconds < 5400:
@@ -91,7 +90,7 @@ def time_text(seconds: float) -> str:
 
 
 def ball_html(replay: Replay | None) -> str:
-    """The ball that plays in the scene."""
+    """HTML of the ball in the scene."""
     if replay is None:
         return _box(f"<span style='color:{theme.MUTED}'>no ball yet</span>")
     colour = CASE_HEX[replay.case]
@@ -103,7 +102,7 @@ def ball_html(replay: Replay | None) -> str:
 
 
 def case_counts_html(counts: dict[Case, int]) -> str:
-    """How many balls ended how, in the colours of the spots."""
+    """HTML of the number of balls per case, in the landing points' colours."""
     total = max(1, sum(counts.values()))
     cells = [
         f"<span style='white-space:nowrap'><span style='color:{CASE_HEX[case]}'>●</span> "
@@ -115,17 +114,17 @@ def case_counts_html(counts: dict[Case, int]) -> str:
 
 
 def offsets_title_html() -> str:
-    """What the picture below the table is."""
+    """HTML title of the picture of offsets."""
     return _box(f"Seen from their targets; <span style='color:{NEWEST_COLOUR}'>●</span> the last {NEW_BALLS}")
 
 
 def map_html(words: tuple[str, ...]) -> str:
-    """What a policy's map says, a paragraph each."""
+    """HTML of a policy map's text lines."""
     return _box("<br>".join(html_text(line, LONGEST_LOG_LINE) for line in words))
 
 
 def log_html(log: tuple[str, ...], details: Details | None) -> str:
-    """The last evaluations, and the tail of the log."""
+    """HTML of the last evaluations and the end of the log."""
     titles = table_row(("after ball", "serves", "returned", "error"), CELL, tag="th")
     lines = details.evaluations if details is not None else ()
     rows = "".join(_evaluation_row(line) for line in lines[-EVALUATIONS_SHOWN:])
@@ -137,7 +136,7 @@ def log_html(log: tuple[str, ...], details: Details | None) -> str:
 
 
 def runs_html(runs: tuple[RunState, ...], results: dict[str, dict[str, object]]) -> str:
-    """The list of runs, with the last evaluation of each."""
+    """HTML list of runs with their last evaluations."""
     titles = "".join(
         f"<th style='{CELL};text-align:{side}'>{title}</th>"
         for side, title in (
@@ -194,7 +193,7 @@ FADED: Final = 0.28
 
 
 def kept_html(stage_starts: tuple[dict[str, object], ...], curriculum: CurriculumConfig) -> str:
-    """A bar for each stage but the first: what was kept in full colour, what was dropped faded; empty without one."""
+    """HTML with a bar for each stage but the first: kept transitions in full colour, dropped ones faded."""
     rows = [row for line in stage_starts[-MAX_STAGES:] if (row := _stage(line))]
     if not rows:
         return ""
@@ -205,7 +204,7 @@ def kept_html(stage_starts: tuple[dict[str, object], ...], curriculum: Curriculu
 
 
 def rule_text(curriculum: CurriculumConfig) -> str:
-    """The rule in words."""
+    """Text of the replay rule."""
     if curriculum.replay == "threshold":
         return f"threshold: rewards of at least {curriculum.keep_reward:g}"
     return "retain: all" if curriculum.replay == "retain" else "discard: none"
@@ -221,7 +220,7 @@ def _stage(line: dict[str, object]) -> str:
 
 
 def _cases(found: object) -> list[tuple[Case, int, int]]:
-    """Case, kept, dropped; none for a run of an earlier version, which did not tell."""
+    """Case, kept, dropped; empty for runs of earlier versions, which did not record it."""
     if not isinstance(found, dict):
         return []
     counts = [(case, found.get(str(case.value))) for case in (Case.RETURNED, *(c for c in Case if c != Case.RETURNED))]

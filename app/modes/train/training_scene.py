@@ -31,7 +31,7 @@ SPEEDS: Final[dict[str, float]] = {"1/8": 0.125, "1/4": 0.25, "1/2": 0.5, "1": 1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RallyRequest:
-    """One episode's line, and who is to play it."""
+    """One episode's line, and which player replays it."""
 
     run: Path
     config: RunConfig
@@ -41,7 +41,7 @@ class RallyRequest:
 
 
 def make_replay(request: RallyRequest) -> Replay | None:
-    """The ball in play; None if its line does not tell enough."""
+    """Replay of an episode; None if its line is incomplete."""
     ball = ball_of_line(request.line)
     if ball is None:
         return None
@@ -55,14 +55,14 @@ def make_replay(request: RallyRequest) -> Replay | None:
 
 
 class BallOrder:
-    """Which ball comes next: the newest one, and while there is no newer one the last ones over again."""
+    """Chooses the next ball: the newest, or the last ones again while there is no newer one."""
 
     def __init__(self) -> None:
         self._newest: object = None
         self._again = 0
 
     def next_line(self, recent: Lines) -> Line | None:
-        """The next of the newest lines, oldest first; None if there are none."""
+        """Next of the newest lines, oldest first; None if there are none."""
         if not recent:
             return None
         newest = recent[-1].get("episode")
@@ -92,27 +92,27 @@ class RallyPlayer:
 
     @property
     def replay(self) -> Replay | None:
-        """The replay that plays now."""
+        """Current replay."""
         return self._replay
 
     def close(self) -> None:
-        """The browser is gone."""
+        """The browser has disconnected."""
         self._jobs.close()
 
     def restart(self, player: Player | None = None) -> None:
-        """Another run, or another player: what plays, or is on its way, is not wanted any more."""
+        """Restart for another run or player; the current and pending replays are dropped."""
         self._player = player or self._player
         self._order = BallOrder()
         self._replay = self._next = self._asked = None
 
     def set_speed(self, speed: float) -> None:
-        """1 is real time; the ball that plays goes on where it is."""
+        """Set the speed; 1 is real time. The current ball continues."""
         now_s = time.monotonic()
         self._began_s = now_s - (now_s - self._began_s) * self._speed / speed
         self._speed = speed
 
     def advance(self, wall_s: float, run: Path, config: RunConfig, seed: int, recent: Lines) -> None:
-        """Go on to the next ball where one has finished; it is asked for shortly before, so that it is a new one."""
+        """Go on to the next ball when one has finished; it is requested shortly before, so that it is recent."""
         left_s = 0.0
         if self._replay is not None:
             left_s = self._replay.duration_s / self._speed - (wall_s - self._began_s)
@@ -125,7 +125,7 @@ class RallyPlayer:
                 self._jobs.submit(self._asked)
 
     def picture(self, wall_s: float, spots: tuple[LandingSpot, ...]) -> RallyPicture:
-        """The moment that is seen now."""
+        """Current moment."""
         if self._replay is None:
             return RallyPicture(spots=spots)
         return self._replay.picture((wall_s - self._began_s) * self._speed, spots)
@@ -142,7 +142,7 @@ VIEWS: Final = tuple(VIEWPOINTS)
 
 
 class SceneActions(Protocol):
-    """What a person may ask for here."""
+    """Actions of this panel."""
 
     def play(self, player: str) -> None: ...
     def play_at(self, speed: str) -> None: ...
@@ -157,23 +157,23 @@ class ScenePanel:
         self._ball = gui.add_html(ball_html(None))
         self._player = gui.add_dropdown("Balls of", PLAYERS, hint="The same ball, with noise or as a policy plays it")
         self._view = gui.add_dropdown("View", VIEWS, hint="Drag to turn, wheel to zoom")
-        self._speed = Choice(gui, "Speed", tuple(SPEEDS), actions.play_at, hint="Of the ball; 1 is real time")
+        self._speed = Choice(gui, "Speed", tuple(SPEEDS), actions.play_at, hint="Playback speed; 1 is real time")
         spots = gui.add_checkbox("Landing spots", True)
         when_changed(self._player, lambda player: actions.play(str(player)))
         when_changed(self._view, lambda view: actions.look_from(str(view)))
         when_changed(spots, lambda shown: actions.show_spots(bool(shown)))
 
     def show_ball(self, replay: Replay | None) -> None:
-        """Say which ball plays now."""
+        """Show the current ball."""
         self._ball.content = ball_html(replay)
 
     def show_view(self, view: str) -> None:
-        """From where the scene is looked at now."""
+        """Show the current viewpoint."""
         if view in VIEWS:
             self._view.value = view
 
     def show_speed(self, speed: str) -> None:
-        """How fast balls are played."""
+        """Show the playback speed."""
         self._speed.show(speed)
 
 
@@ -182,11 +182,11 @@ if TYPE_CHECKING:
 
 DRAW_EVERY_S: Final = 1 / 40
 LAYERS: Final = frozenset({"Ball", "Trail", "Racket", "Racket target", "Landing target", "Landing spots"})
-"""Of the scene: nothing is seen by cameras or predicted here."""
+"""Layers of the training scene: nothing is seen by cameras or predicted here."""
 
 
 class TrainingScene:
-    """With its controls; what they ask for is done in the loop, and so is everything that the mode asks for."""
+    """The training's 3D scene with its controls. All actions run in the loop."""
 
     def __init__(self, host: ModeHost, failed: Callable[[Exception], None]) -> None:
         self._host = host
@@ -198,18 +198,18 @@ class TrainingScene:
 
     @property
     def replay(self) -> Replay | None:
-        """The ball that flies."""
+        """Current replay."""
         return self._rally.replay
 
     def clear(self) -> None:
-        """An empty table: nothing is trained, or another run is looked at."""
+        """Clear the scene: nothing is trained, or another run was chosen."""
         self._rally.restart()
         self._panel.show_ball(None)
         self._host.world.layers = LAYERS
         self._host.world.draw(RallyPicture())
 
     def draw(self, wall_s: float, run: Path, config: RunConfig, details: Details) -> None:
-        """Move the ball of a run, at most forty times a second."""
+        """Update a run's ball, at most forty times a second."""
         if wall_s - self._drawn_s < DRAW_EVERY_S:
             return
         self._drawn_s = wall_s
@@ -222,19 +222,19 @@ class TrainingScene:
             self._panel.show_view(self._host.world.view)
 
     def close(self) -> None:
-        """The browser is gone."""
+        """The browser has disconnected."""
         self._rally.close()
 
-    # What a person asks for ---------------------------------------------------------------------------------------
+    # Actions ---------------------------------------------------------------------------------------
 
     def play(self, player: str) -> None:
-        """Choose whose balls fly."""
+        """Choose which player replays the balls."""
         if player in PLAYERS:
             chosen: Player = player
             self._host.later(lambda: self._rally.restart(chosen))
 
     def play_at(self, speed: str) -> None:
-        """How fast balls are played."""
+        """Show the playback speed."""
         if speed in SPEEDS:
             self._host.later(lambda: self._set_speed(speed))
 
@@ -243,11 +243,11 @@ class TrainingScene:
         self._panel.show_speed(speed)
 
     def look_from(self, view: str) -> None:
-        """Another point of view."""
+        """Choose a viewpoint."""
         self._host.later(lambda: self._host.world.look_from(view))
 
     def show_spots(self, shown: bool) -> None:
-        """Show or hide where balls came down."""
+        """Show or hide landing points."""
         self._host.later(lambda: self._set_spots(shown))
 
     def _set_spots(self, shown: bool) -> None:

@@ -1,4 +1,4 @@
-"""Everything that a browser in Train shows of the runs, gathered off the loop: states, curves, landings, log."""
+"""Data of the runs shown in Train, collected off the loop: states, curves, landings, log."""
 
 from __future__ import annotations
 
@@ -34,24 +34,24 @@ from core.physics.episode import Case
 
 Array = NDArray[np.float64]
 COMPARED: Final = 3
-"""Runs that are drawn beside the chosen one, at most."""
+"""Most runs drawn beside the chosen one."""
 PLAN_SPOTS: Final = 2000
 SEEDS_DRAWN: Final = 10
-"""Curves of single seeds beside the newest one's, at most: those before it."""
+"""Most curves of single seeds, those before the newest."""
 LISTED: Final = 40
-"""Runs in the table, at most."""
+"""Most runs in the table."""
 
 
 @dataclass(frozen=True, slots=True)
 class ViewRequest:
-    """What a browser looks at."""
+    """A browser's request."""
 
     run: str | None
-    """None: the one that is being trained, or was last."""
+    """Name of the run; None: the one in training, or the last one."""
     compared: tuple[str, ...] | None
-    """None: those before it."""
+    """Runs to compare; None: those before it."""
     shown: object = None
-    """The `key` of what it shows already."""
+    """The `key` of what is already shown."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,19 +61,19 @@ class ChartData:
     axis: Array
     """Episodes of the run."""
     end: int
-    """How many it will have at most."""
+    """Planned number of episodes."""
     run: dict[str, Array]
-    """By the names in CURVES."""
+    """Values of the chosen seed, by the names in CURVES."""
     evaluated: dict[str, Array]
-    """`returned` and `error_mm` of the policy on the fixed balls, NaN between."""
+    """`returned` and `error_mm` of the policy on the fixed balls; NaN between evaluations."""
     seeds_mean: dict[str, Array]
-    """All NaN for a run with one seed, as are both ends of the mean's 95 % interval:"""
+    """Mean over seeds; NaN for a run with one seed, as are both ends of its 95 % interval:"""
     seeds_low: dict[str, Array]
     seeds_high: dict[str, Array]
     seeds: tuple[dict[str, Array], ...]
-    """Of every other seed that was started, at most SEEDS_DRAWN."""
+    """Values of the other seeds that were started, at most SEEDS_DRAWN."""
     compared: tuple[dict[str, Array], ...]
-    """Exactly COMPARED; unused ones are all NaN."""
+    """Curves of exactly COMPARED runs; unused ones are all NaN."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,13 +88,13 @@ class Details:
     recent: tuple[dict[str, object], ...]
     evaluations: tuple[dict[str, object], ...]
     returned: float
-    """% of the last balls, with the noise of the exploration; NaN before the first."""
+    """Share returned of the last balls, %, with exploration noise; NaN before the first."""
     error_mm: float
     episodes_done: int
     seed: int
     stage_starts: tuple[dict[str, object], ...] = ()
     seed_results: SeedResults | None = None
-    """None for a run with one seed."""
+    """Results of all seeds; None for a run with one seed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,11 +109,11 @@ class RunsView:
     log: tuple[str, ...]
     key: object
     details: Details | None
-    """None: as before."""
+    """Details of the chosen run; None: unchanged."""
     playable: bool = False
-    """The run is over, and has a policy."""
+    """Whether the run has ended and has a policy."""
     bounds: tuple[str, ...] = ()
-    """Where the racket's bounds are what limits the run, a line each."""
+    """Lines on limits of the run by the racket's bounds."""
 
 
 class RunsViewer:
@@ -126,7 +126,7 @@ class RunsViewer:
         self._known: dict[str, tuple[float, dict[str, object] | None]] = {}
 
     def __call__(self, request: ViewRequest) -> RunsView:
-        """What there is to show now."""
+        """Current view."""
         runs = self._trainer.runs()
         run = chosen_run(runs, request.run)
         if run is None:
@@ -164,14 +164,14 @@ class RunsViewer:
 
 
 def chosen_run(runs: tuple[RunState, ...], name: str | None) -> RunState | None:
-    """The run of that name; else the one that is being trained; else the last one."""
+    """The named run; else the one in training; else the last one."""
     by_name = {run.name: run for run in runs}
     active = next((run for run in runs if run.active), None)
     return by_name.get(name or "") or active or (runs[0] if runs else None)
 
 
 def compared_runs(runs: tuple[RunState, ...], run: RunState, names: tuple[str, ...] | None) -> tuple[RunState, ...]:
-    """The runs to draw beside it: those that are named, or the last ones."""
+    """Runs to compare with: the named ones, or the last ones."""
     others = [other for other in runs if other.name != run.name]
     if names is not None:
         others = [other for other in others if other.name in names]
@@ -179,7 +179,7 @@ def compared_runs(runs: tuple[RunState, ...], run: RunState, names: tuple[str, .
 
 
 def started_seeds(run: RunState) -> tuple[int, ...]:
-    """Seeds up to the one that is being trained; the last of them is that one."""
+    """Seeds started so far; the last one is in training."""
     config: RunConfig = run.config
     last = config.first_seed if run.status is None else run.status.seed
     return tuple(range(config.first_seed, min(last, config.first_seed + config.seeds - 1) + 1))
@@ -220,7 +220,7 @@ def make_details(
 
 def _charts(curves: list[Curves], others: list[Curves], planned: int) -> ChartData:
     longest = max(len(c) for c in curves)
-    # Two points at least: of an axis with one a chart may never show its ticks.
+    # Two points at least: a chart with one may never show its ticks.
     axis = shared_axis(max(longest, min(planned, max((len(c) for c in others), default=0)), 2))
     ours = curves[-1]
     nothing = np.full(len(axis), np.nan)

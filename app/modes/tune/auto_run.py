@@ -1,4 +1,6 @@
-"""One search for thresholds: `rallyscope tune` as a child process, what it says, and the table that Tune shows."""
+"""Automatic tuning: runs `rallyscope tune` as a child process, reads its report, and makes the table that Tune
+shows.
+"""
 
 from __future__ import annotations
 
@@ -36,42 +38,42 @@ class SidesFigures:
 
 @dataclass(frozen=True, slots=True)
 class TuningReport:
-    """What came of a search."""
+    """Result of a search for thresholds."""
 
     start: SidesFigures
     best: SidesFigures
     best_trial: int
-    """0 if nothing was better than the config to start from."""
+    """Number of the best trial; 0 if none was better than the start config."""
     trials: int
     better_held_out: bool
     changed: Mapping[str, tuple[object, object]]
-    """Before and after, by the threshold's name."""
+    """Value before and after, by the threshold's name."""
     importance: Mapping[str, float]
-    """Share of each threshold, the largest first; empty if nothing can be said."""
+    """Importance of each threshold as a share, largest first; empty if unknown."""
 
 
 def read_report(line: str) -> TuningReport:
-    """From the line that the verb prints.
+    """Parse the JSON line that `rallyscope tune` prints.
 
     Raises:
         ValueError: if it is none.
     """
-    said = parse_json(line)
-    if not isinstance(said, dict) or "importance" not in said:
+    values = parse_json(line)
+    if not isinstance(values, dict) or "importance" not in values:
         raise ValueError(f"not a report: {line[:80]}")
     return TuningReport(
-        start=_sides(said["start"]),
-        best=_sides(said["best"]),
-        best_trial=said["best_trial"],
-        trials=said["trials"],
-        better_held_out=said["better_held_out"],
-        changed={name: (before, after) for name, (before, after) in said["changed"].items()},
-        importance=said["importance"],
+        start=_sides(values["start"]),
+        best=_sides(values["best"]),
+        best_trial=values["best_trial"],
+        trials=values["trials"],
+        better_held_out=values["better_held_out"],
+        changed={name: (before, after) for name, (before, after) in values["changed"].items()},
+        importance=values["importance"],
     )
 
 
 def report_html(title: str, report: TuningReport) -> str:
-    """Both sides of the split beside each other, whether it holds, and what was changed."""
+    """HTML of the report: figures on both sides of the split, and the changed thresholds."""
     start, best = report.start, report.best
     rows = [
         _row("tuned on", "A", start.tuned),
@@ -88,22 +90,22 @@ def report_html(title: str, report: TuningReport) -> str:
     )
 
 
-def _sides(said: Mapping[str, Mapping[str, Any]]) -> SidesFigures:
-    return SidesFigures(_figures(said["tuned"]), _figures(said["held_out"]))
+def _sides(values: Mapping[str, Mapping[str, Any]]) -> SidesFigures:
+    return SidesFigures(_figures(values["tuned"]), _figures(values["held_out"]))
 
 
-def _figures(said: Mapping[str, Any]) -> Figures:
-    ratios = {name: math.nan if value is None else float(value) for name, value in said.items() if name != "balls"}
-    return Figures(**ratios, balls=int(said["balls"]))
+def _figures(values: Mapping[str, Any]) -> Figures:
+    ratios = {name: math.nan if value is None else float(value) for name, value in values.items() if name != "balls"}
+    return Figures(**ratios, balls=int(values["balls"]))
 
 
 def _verdict(report: TuningReport) -> str:
     start, best = report.start.held_out.objective, report.best.held_out.objective
     if report.best_trial == 0:
-        return f"<span style='color:{theme.MUTED}'>Nothing better was found: B is A.</span>"
+        return f"<span style='color:{theme.MUTED}'>No better config was found: B equals A.</span>"
     if report.better_held_out:
-        return f"<span style='color:{theme.GOOD}'>B is better on the held-out windows, too.</span>"
-    text = f"B is not better on the held-out windows ({start:.3f} before, {best:.3f} now): it fits the tuned ones only."
+        return f"<span style='color:{theme.GOOD}'>B is also better on the held-out windows.</span>"
+    text = f"B is not better on the held-out windows ({start:.3f} before, {best:.3f} now): it is overfitted."
     return f"<span style='color:{theme.BAD}'>{text}</span>"
 
 
@@ -114,7 +116,9 @@ def _thresholds(report: TuningReport) -> str:
         before, after = report.changed.get(name, ("", "as it was"))
         share = report.importance.get(name)
         bar = "" if share is None else f"{_bar(share)} {100 * share:.0f} %"
-        rows.append(table_row((html_text(name), html_text(_said(before)), html_text(_said(after)), bar), CELL))
+        rows.append(
+            table_row((html_text(name), html_text(_value_text(before)), html_text(_value_text(after)), bar), CELL)
+        )
     return "".join(rows)
 
 
@@ -134,7 +138,7 @@ def _head(titles: tuple[str, ...]) -> str:
     return table_row(titles, f"text-align:left;font-weight:500;{CELL}", tag="th")
 
 
-def _said(value: object) -> str:
+def _value_text(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
@@ -144,10 +148,10 @@ Against = Literal["truth", "labels"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AutoTuneRequest:
-    """What a browser asked for, with all that it takes to do it."""
+    """A request for automatic tuning, with everything it needs."""
 
     title: str
-    """What is tuned on, for a person."""
+    """Title of what is tuned on, as shown."""
     recording: Path
     uuid: str
     camera: str
@@ -166,14 +170,14 @@ class AutoTuneRequest:
 
 @dataclass(frozen=True, slots=True)
 class AutoTuneAnswer:
-    """What came of it."""
+    """Answer to an `AutoTuneRequest`."""
 
     config: DetectorConfig
     report: TuningReport
 
 
 class AutoTuneCancelledError(Exception):
-    """Nobody wants the answer any more."""
+    """The search was cancelled."""
 
 
 def run_auto_tune(
@@ -183,7 +187,7 @@ def run_auto_tune(
     say: Callable[[str], None],
     cancelled: Callable[[], bool],
 ) -> AutoTuneAnswer:
-    """Search, and wait for what is found; `say` hears in words how it goes.
+    """Run the search and wait for its result; `say` gets progress messages.
 
     Raises:
         RallyscopeError: with what the verb said if it refuses or fails.
@@ -218,7 +222,7 @@ def run_auto_tune(
 
 
 def _command(request: AutoTuneRequest, start: Path, found: Path) -> list[str]:
-    """What follows `python -m`."""
+    """Command line after `python -m`."""
     words = ["app.cli", "tune", str(request.recording), "--method", request.method, "--config", str(start)]
     words += ["--parameters", ",".join(request.parameters), "--out", str(found), "--json", "--until-eof"]
     words += ["--trials", str(request.trials), "--seed", str(request.seed), *request.where]
@@ -228,6 +232,6 @@ def _command(request: AutoTuneRequest, start: Path, found: Path) -> list[str]:
     if request.against == "labels":
         reference = find_reference(request.labels, request.uuid, request.camera)
         if reference is None:
-            raise CommandError("nobody has labelled this camera", got=request.camera, remedy="label it in Label first")
+            raise CommandError("this camera has no labels", got=request.camera, remedy="label it in Label first")
         words += ["--data", str(request.labels.parent), "--annotator", reference.layer.annotator]
     return words

@@ -1,4 +1,4 @@
-"""Automatic tuning in one browser: starts a search, follows it, and puts what it found into config B."""
+"""Automatic tuning in one browser: starts a search, shows its progress, and puts the result into config B."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ LARGEST_SEED: Final = 2**31 - 1
 
 @dataclass(frozen=True, slots=True)
 class AutoTuneForm:
-    """What the controls say."""
+    """Values of the controls."""
 
     method: Method
     against: Against
@@ -50,11 +50,11 @@ class AutoTunePanel:
         self.folder = gui.add_folder("Auto-tune", expand_by_default=False)
         config = TuningConfig()
         with self.folder:
-            self._against = gui.add_dropdown("Against", get_args(Against), hint="What is right")
+            self._against = gui.add_dropdown("Against", get_args(Against), hint="Reference")
             self._trials = gui.add_number("Trials", config.trials, min=1, max=MAX_TRIALS, step=1)
             self._seed = gui.add_number("Seed", config.seed, min=0, max=LARGEST_SEED, step=1)
-            self._all_cameras = gui.add_checkbox("All cameras", True, hint="Or only the one that is looked at")
-            self._place = gui.add_dropdown("Where", places, visible=len(places) > 1, hint="Where the trials are made")
+            self._all_cameras = gui.add_checkbox("All cameras", True, hint="All cameras, or only the shown one")
+            self._place = gui.add_dropdown("Where", places, visible=len(places) > 1, hint="Where the trials run")
             self._start = gui.add_button(
                 "Tune automatically",
                 icon=viser.Icon.WAND,
@@ -71,7 +71,7 @@ class AutoTunePanel:
 
     @property
     def form(self) -> AutoTuneForm:
-        """What is asked for.
+        """Values of the controls, checked.
 
         Raises:
             CommandError: if no threshold is chosen, or a value is none that the controls offer.
@@ -82,7 +82,7 @@ class AutoTunePanel:
             raise CommandError("no such choice", got=against[:20])
         chosen = tuple(name for name, tick in self._ticks.items() if tick.visible and tick.value)
         if not chosen:
-            raise CommandError("no thresholds to tune", remedy="tick some under Thresholds")
+            raise CommandError("no thresholds to tune", remedy="select some under Thresholds")
         trials, seed = _whole(self._trials.value, 1, MAX_TRIALS), _whole(self._seed.value, 0, LARGEST_SEED)
         return AutoTuneForm(
             method,
@@ -102,13 +102,13 @@ class AutoTunePanel:
         self._line.content = stage_counts_html("reading the recording")
 
     def show_progress(self, share: float, line: str) -> None:
-        """How far it is, as a bar and in words."""
+        """Show the progress as a bar and a text."""
         self._progress.value = 100.0 * share
         if line:
             self._line.content = stage_counts_html(line)
 
     def use_method(self, method: Method) -> None:
-        """Offer the thresholds of that method, the usual ones ticked; what is ticked stays while the method does."""
+        """Offer the thresholds of a method, with its defaults ticked; ticks stay while the method stays."""
         if method == self._method:
             return
         self._method = method
@@ -122,7 +122,7 @@ class AutoTunePanel:
 
 
 def _whole(value: object, low: int, high: int) -> int:
-    """A whole number in that range, from what a browser sent."""
+    """Whole number in a range, from a value that a browser sent."""
     if not isinstance(value, (int, float)) or not low <= value <= high:
         raise CommandError("not a possible number", expected=f"{low} to {high}", got=repr(value)[:20])
     return int(value)
@@ -160,22 +160,22 @@ class AutoTune:
 
     @property
     def running(self) -> bool:
-        """A search goes on."""
+        """Whether a search is running."""
         return self._job.running
 
     def tick(self, wall_s: float) -> None:
-        """Show how far it is."""
+        """Show the progress."""
         share = self._job.share
         if share is not None and wall_s - self._shown_s >= PROGRESS_EVERY_S:
             self._shown_s = wall_s
             self.panel.show_progress(share, self._line)
 
     def cancel(self) -> None:
-        """End the search without an answer."""
+        """Stop the search without an answer."""
         self._job.cancel()
 
     def close(self) -> None:
-        """The browser is gone, and its controls with it."""
+        """The browser has disconnected."""
         self._job.close()
 
     def _start(self) -> None:

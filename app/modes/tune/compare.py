@@ -1,4 +1,4 @@
-"""Comparing methods over a recording in one browser: starts a run, follows it, shows what came of it."""
+"""Comparing methods over a recording in one browser: starts a run, shows its progress and its result."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ class CompareOverTime:
 
     @property
     def running(self) -> bool:
-        """A comparison goes on."""
+        """Whether a comparison is running."""
         return self._job.running
 
     def show(self, active: bool) -> None:
-        """Show its outcome or hide it."""
+        """Show or hide the result."""
         self._active = active
         visible = active and self._wanted and self._answer is not None
         self._side.panel.visible = visible
@@ -55,25 +55,25 @@ class CompareOverTime:
         self.panel.show(state)
 
     def tick(self, wall_s: float) -> None:
-        """Show how far it is."""
+        """Show the progress."""
         share = self._job.share
         if share is not None and wall_s - self._shown_s >= PROGRESS_EVERY_S:
             self._shown_s = wall_s
             self.panel.show_progress(share)
 
     def cancel(self) -> None:
-        """End the run without an answer."""
+        """Stop the run without an answer."""
         self._job.cancel()
 
     def forget(self) -> None:
-        """Another recording is looked at."""
+        """Drop the result: another recording was opened."""
         self.cancel()
         self._answer = None
         self.panel.show_result(False)
         self.show(self._active)
 
     def close(self) -> None:
-        """The browser is gone, and its controls with it."""
+        """The browser has disconnected."""
         self._job.close()
 
     def _start(self) -> None:
@@ -81,7 +81,7 @@ class CompareOverTime:
         if state is None or recording is None or self._job.running:
             return
         if not state.tune.compared:
-            raise CommandError("no methods to compare", remedy="tick some under Compare methods")
+            raise CommandError("no methods to compare", remedy="select some under Compare methods")
         start_us, end_us = _span_of(state, self.panel.span_us)
         request = CompareRequest(
             recording=state.recording,
@@ -113,7 +113,7 @@ class CompareOverTime:
         self.show(self._active)
 
     def _jump(self, method: Method, stretch: ErrorRun) -> None:
-        """Look at the first window of a stretch, with the method whose it is, and nearby if the view is zoomed."""
+        """Go to the first window of an interval, with its method; a zoomed view follows."""
         state, answer = self._host.state, self._answer
         if state is None or answer is None:
             return
@@ -127,7 +127,7 @@ class CompareOverTime:
 
 
 def _span_of(state: ClientState, span_us: int | None) -> tuple[int, int]:
-    """The part of the recording that is asked for; round the cursor as far as there is something."""
+    """Part of the recording to compare: around the cursor, within the recording."""
     head = state.playhead
     if span_us is None:
         return head.start_us, head.duration_us

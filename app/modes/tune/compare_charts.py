@@ -19,15 +19,17 @@ HEIGHT_PX: Final = 94
 AXIS: Final = "#9aa0aa"
 GRID: Final = "#32363e"
 STEP_RANGE_MS: Final = (0.01, 30.0)
-"""Of the logarithmic scale: from `auto` in a region to EBPP on the whole sensor."""
+"""Ends of the logarithmic scale, ms: from `auto` in a region to EBPP on the whole sensor."""
 WIDEST_PX: Final = 5
-"""Of the first curve; the later ones are thinner: where curves are the same, all are seen."""
+"""Width of the first curve. Later curves are thinner, so that equal curves all stay visible."""
 ERROR_TOPS_PX: Final = (1.0, 2.0, 4.0, 8.0)
 """The error's scale ends at one of these; the last is the match radius."""
 
 
 class MethodCharts:
-    """Made with the first comparison, as a chart that begins empty may never show its ticks; then only data is sent."""
+    """Charts of one browser, made with the first comparison: an empty chart may never show its ticks. Later only data
+    is sent.
+    """
 
     def __init__(self, gui: viser.GuiApi) -> None:
         self._gui = gui
@@ -36,7 +38,7 @@ class MethodCharts:
         self._charts: dict[str, viser.GuiUplotHandle] = {}
 
     def show(self, answer: CompareAnswer) -> None:
-        """Draw this comparison in place of the last one."""
+        """Draw a comparison; it replaces the last one."""
         titles, columns = chart_titles(answer), method_columns(answer)
         for name, title in titles.items():
             scales = _scales(name, answer.axis_s, columns[name])
@@ -63,7 +65,7 @@ def chart_titles(answer: CompareAnswer) -> dict[str, str]:
     """Name of a chart -> what it shows."""
     agreement = answer.kind == "method"
     return {
-        "recall": f"Balls of {answer.reference} that are found too, %" if agreement else "Recall, %",
+        "recall": f"Balls of {answer.reference} that are also found, %" if agreement else "Recall, %",
         "error": f"Distance from {answer.reference}, px, median" if agreement else "Error, px, median",
         "step": "Step, ms of processor time, median",
     }
@@ -109,7 +111,7 @@ def _series() -> tuple[uplot.Series, ...]:
 
 
 def _axis(size: int, *, grid: bool = True) -> uplot.Axis:
-    """A logarithmic scale has too many lines for a grid."""
+    """Options of an axis; a logarithmic one has no grid, which would have too many lines."""
     return uplot.Axis(
         stroke=AXIS,
         size=size,

@@ -1,4 +1,4 @@
-"""The controls of a comparison of methods, and how they compare over the recording, with charts, beside the picture."""
+"""Controls of a comparison of methods, and its results with charts beside the picture."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from core.metrics.compare import ErrorRun
 KNOWN: Final = "truth or labels"
 SPANS: Final[dict[str, int | None]] = {
     "the whole recording": None,
-    "2 s round the cursor": 2_000_000,
-    "0.4 s round the cursor": 400_000,
+    "2 s around the cursor": 2_000_000,
+    "0.4 s around the cursor": 400_000,
 }
 
 
@@ -40,12 +40,14 @@ class ComparePanel:
         with self.folder:
             for method, what in METHODS.items():
                 self._ticks[method] = gui.add_checkbox(method, False, hint=what)
-            self._side_by_side = gui.add_checkbox("Side by side", False, hint="The same window through each method")
+            self._side_by_side = gui.add_checkbox("Side by side", False, hint="The same window with each method")
             self._against = gui.add_dropdown(
-                "Reference", (KNOWN, *METHODS), hint="What is right; of a method, how far the others agree with it"
+                "Reference",
+                (KNOWN, *METHODS),
+                hint="The reference: truth or labels, or another method to measure agreement with",
             )
             self._span = gui.add_dropdown("Over", tuple(SPANS))
-            hint = "Recall, error and time over the recording, and where each fails"
+            hint = "Recall, error and run time over the recording, and where each method fails"
             self._start = gui.add_button("Compare over time", icon=viser.Icon.CHART_LINE, hint=hint)
             self._cancel = gui.add_button("Cancel the comparison", icon=viser.Icon.X, visible=False)
             self._progress = gui.add_progress_bar(0.0, visible=False)
@@ -59,7 +61,7 @@ class ComparePanel:
 
     @property
     def agree_with(self) -> Method | None:
-        """The method that the others are to agree with; None for what is known.
+        """Method that is taken as the reference; None for truth or labels.
 
         Raises:
             CommandError: for what the control does not offer.
@@ -71,7 +73,7 @@ class ComparePanel:
 
     @property
     def span_us(self) -> int | None:
-        """How much of the recording round the cursor; None for all of it.
+        """Length of the recording around the cursor; None for all of it.
 
         Raises:
             CommandError: for what the control does not offer.
@@ -82,7 +84,7 @@ class ComparePanel:
         return SPANS[span]
 
     def show(self, state: ClientState) -> None:
-        """Follow the state."""
+        """Update the controls from the state."""
         for method, tick in self._ticks.items():
             tick.value = method in state.tune.compared
         self._side_by_side.value = state.tune.side_by_side
@@ -94,11 +96,11 @@ class ComparePanel:
         self._progress.value = 0.0
 
     def show_progress(self, share: float) -> None:
-        """How far it is."""
+        """Show the progress."""
         self._progress.value = 100.0 * share
 
     def show_result(self, there: bool) -> None:
-        """Whether there is a result to show; a new one is shown."""
+        """Enable the result button; a new result is shown at once."""
         self._result.visible = self._result.value = there
 
 
@@ -139,7 +141,7 @@ class CompareSidePanel:
                 jump(cast(Method, self._method.chosen), chosen)
 
     def show(self, answer: CompareAnswer) -> None:
-        """What a comparison found."""
+        """Show the result of a comparison."""
         self._answer = answer
         self._table.content = comparison_html(answer)
         self._charts.show(answer)

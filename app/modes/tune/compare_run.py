@@ -1,4 +1,4 @@
-"""One comparison of methods: what a browser asked for, and what is shown of the outcome."""
+"""One comparison of methods: request, run and result."""
 
 from __future__ import annotations
 
@@ -37,30 +37,30 @@ from labels.arrays import STATES
 from labels.model import LabelState
 
 FALLBACK: Final[Method] = "refined"
-"""What the others are to agree with where nothing is known."""
+"""Reference method where there is neither truth nor labels."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class CompareRequest:
-    """What to compare, with all that it takes."""
+    """A request for a comparison, with everything it needs."""
 
     recording: str
     uuid: str
     stream: CameraStream
     configs: tuple[tuple[Method, DetectorConfig], ...]
     agree_with: Method | None
-    """None: what is known of the camera, truth or labels, is right."""
+    """Reference method; None: the camera's truth or labels."""
     labels: Path
     """The folder of the label stores."""
     start_us: int
     end_us: int
     live: bool
-    """The camera forgets: its events are held first, so that every method sees the same ones."""
+    """Whether the camera is live; its events are then copied first, so that every method sees the same ones."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ComparedMethod:
-    """What is shown of one method."""
+    """Result of one method."""
 
     judged: ClassifiedRun
     curves: CurvesOverTime
@@ -69,21 +69,21 @@ class ComparedMethod:
 
     @property
     def method(self) -> Method:
-        """Its name."""
+        """Name of the method."""
         return self.judged.run.method
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompareAnswer:
-    """What is shown of a comparison."""
+    """Result of a comparison."""
 
     title: str
     camera: str
     kind: ReferenceKind
     reference: str
-    """Who says what is right."""
+    """Name of the reference."""
     nothing_known: bool
-    """There is neither truth nor a label, though they were asked for."""
+    """Whether truth or labels were requested but there are none."""
     axis_s: NDArray[np.float64]
     """(B,) middles of the bins of the curves."""
     methods: tuple[ComparedMethod, ...]
@@ -96,20 +96,20 @@ def known_reference(labels: Path, uuid: str, stream: CameraStream) -> PixelRefer
     store = find_reference(labels, uuid, stream.name)
     if store is None:
         return None
-    said = store.labels()
-    said = said.rows(said.state != STATES.index(LabelState.OCCLUDED))
-    places = PixelTruth(said.t_us, said.x_px, said.y_px, said.r_px, said.seen)
-    return labels_reference(places, f"{len(said)} labels by {store.layer.annotator}")
+    kept = store.labels()
+    kept = kept.rows(kept.state != STATES.index(LabelState.OCCLUDED))
+    places = PixelTruth(kept.t_us, kept.x_px, kept.y_px, kept.r_px, kept.seen)
+    return labels_reference(places, f"{len(kept)} labels by {store.layer.annotator}")
 
 
 class KnownReferences:
-    """Where the ball of each camera is; labels are kept until somebody might have made more. From any thread."""
+    """Reference positions of the ball in each camera; labels are cached until they may have changed. Thread-safe."""
 
     def __init__(self) -> None:
         self._kept: dict[tuple[str, str], PixelReference | None] = {}
 
     def find(self, labels: Path, uuid: str, stream: CameraStream) -> PixelReference | None:
-        """What `known_reference` gives, but for the times that are asked where the truth is known."""
+        """Result of `known_reference`; where there is truth, only for the given times."""
         truth = stream.truth
         if truth is not None:  # not kept: that of a live recording grows
             return PixelReference("truth", "the truth", truth, truth.t_us[:0])
@@ -119,7 +119,7 @@ class KnownReferences:
         return self._kept.get(key)
 
     def clear(self) -> None:
-        """Read again from now on."""
+        """Clear the cache."""
         self._kept = {}
 
 
@@ -171,30 +171,30 @@ def run_comparison(
 
 
 MAX_STRETCHES: Final = 40
-"""That have a button; the longest ones."""
+"""Most intervals that get a button; the longest ones are taken."""
 CELL: Final = "padding-right:8px;white-space:nowrap"
 
 
 def comparison_html(answer: CompareAnswer) -> str:
-    """A row for each method, and what is taken for right."""
+    """HTML with a row for each method, and the reference."""
     agreement = answer.kind == "method"
     name = html_text(answer.reference)
     titles = ("", "shared" if agreement else "recall", "precision", "px p50 / p95", "ms p50 / p99")
     head = table_row(titles, f"text-align:left;font-weight:500;{CELL}", tag="th")
     rows = "".join(_row(one) for one in answer.methods)
-    said = f"against {name}: a ball counts as found within 8 px"
+    counted = f"against {name}: a ball counts as found within 8 px"
     if agreement:
-        said = (
+        counted = (
             f"<b>agreement with {name}, not error</b>: shared is how many of its balls a method has too, "
             f"within 8 px, and px how far apart they are"
         )
         if answer.nothing_known:
-            said = f"this camera has neither truth nor labels. {said}"
+            counted = f"this camera has neither truth nor labels. {counted}"
     muted = f"color:{theme.MUTED}"
     return (
         f"<div style='font-size:12px;padding:4px 8px'>{html_text(answer.title)}"
         f"<table>{head}{rows}</table>"
-        f"<div style='{muted}'>{said}. ms: processor time of a window of each method's own length.</div></div>"
+        f"<div style='{muted}'>{counted}. ms: processor time of a window of each method's own length.</div></div>"
     )
 
 
@@ -205,7 +205,7 @@ def method_css(method: Method) -> str:
 
 
 def stretch_names(stretches: tuple[ErrorRun, ...]) -> dict[str, ErrorRun]:
-    """The longest ones by the names of their buttons, in order of time; no two names are alike."""
+    """Longest intervals by the (unique) names of their buttons, in order of time."""
     longest = sorted(stretches, key=lambda one: -one.count)[:MAX_STRETCHES]
     names: dict[str, ErrorRun] = {}
     for one in sorted(longest, key=lambda one: one.start_us):
@@ -215,12 +215,12 @@ def stretch_names(stretches: tuple[ErrorRun, ...]) -> dict[str, ErrorRun]:
 
 
 def stretches_html(answer: CompareAnswer, method: Method, *, missed: bool) -> str:
-    """What the buttons below are."""
+    """HTML heading of the buttons below."""
     (one,) = (one for one in answer.methods if one.method == method)
     stretches = one.missed if missed else one.false
     count = sum(stretch.count for stretch in stretches)
     if missed:
-        what = f"{count} of {len(one.judged.asked_us)} times asked are missed"
+        what = f"{count} of {len(one.judged.asked_us)} balls are missed"
     else:
         what = f"{count} of {len(one.judged.t_us)} answers are false"
     if answer.kind == "method":
@@ -228,7 +228,7 @@ def stretches_html(answer: CompareAnswer, method: Method, *, missed: bool) -> st
     more = len(stretches) - MAX_STRETCHES
     rest = f", the {MAX_STRETCHES} longest of them" if more > 0 else ""
     where = "in one stretch" if len(stretches) == 1 else f"in {len(stretches)} stretches"
-    places = f", {where}{rest}: choose one to look at it" if stretches else ""
+    places = f", {where}{rest}: choose one to show it" if stretches else ""
     return f"<div style='font-size:12px;color:{theme.MUTED};padding:0 12px'>{what}{places}</div>"
 
 

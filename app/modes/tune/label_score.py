@@ -34,11 +34,11 @@ class LabelScore:
     in_time: tuple[GroupScore, ...]
     """All labels with the newest answers that have arrived by then: held, and moved on. Nothing without labels."""
     noise: Agreement | None
-    """Between the annotator's first and second looks; None without any."""
+    """Label noise from the annotator's repeated labels, px per coordinate; None without any."""
 
 
 class ScoreCancelledError(Exception):
-    """Somebody does not want the score any more."""
+    """The score was cancelled."""
 
 
 def find_reference(folder: Path, recording_uuid: str, camera: str, annotator: str | None = None) -> LabelStore | None:
@@ -98,16 +98,16 @@ def score_with_labels(
 
 
 def label_score_html(title: str, score: LabelScore) -> str:
-    """A table of the groups, and the picture."""
+    """HTML of the score: a table of the groups, and the picture."""
     titles = ("", "labels", *(f"P / R at {px:g} px" for px in SHOWN_PX), "median", "p95", "along", "across")
     head = "".join(f"<th style='text-align:left;font-weight:500;padding-right:14px'>{name}</th>" for name in titles)
     rows = "".join(_row(group) for group in (*score.groups, *score.in_time))
     noise = score.noise.sigma_px if score.noise is not None and score.noise.both_seen else None
-    said = "not known: no second looks yet" if noise is None else f"{noise:.2f} px a coordinate"
+    noise_text = "unknown: no repeated labels yet" if noise is None else f"{noise:.2f} px a coordinate"
     svg = score_svg(score.curves, f"{title}, against {score.labels} labels by {score.annotator}", noise_px=noise)
     return (
         f"<div style='font-size:12.5px;padding:4px 12px'>{html_text(title)}, against {score.labels} labels by "
-        f"{html_text(score.annotator)}; the annotator's own noise: {said}"
+        f"{html_text(score.annotator)}; the annotator's own noise: {noise_text}"
         f"<table>{head}{rows}</table><div style='margin-top:6px'>{svg}</div></div>"
     )
 
@@ -126,7 +126,7 @@ def _row(group: GroupScore) -> str:
 
 
 def _figure(value: float, form: str, unit: str = "") -> str:
-    """A dash where there is none: a detector that answers nothing has no errors."""
+    """Format a figure; a dash where there is none."""
     return f"{value:{form}}{unit}" if math.isfinite(value) else "-"
 
 

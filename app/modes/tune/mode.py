@@ -51,7 +51,7 @@ class TuneMode:
         )
         self._answers = AnswerCache()
         self._last_px: dict[str, tuple[float, float]] = {}
-        """Where the ball last was, by camera."""
+        """Last position of the ball, by camera."""
         self._picked: tuple[int, tuple[float, float]] | None = None
         """The time and place of the last click into the picture."""
         self._known = KnownReferences()
@@ -72,12 +72,12 @@ class TuneMode:
 
     @property
     def middle(self) -> Middle:
-        """Its own sheet."""
+        """Tune shows a picture of its own."""
         return "sheet"
 
     @property
     def needs_tick(self) -> bool:
-        """The progress of a score, a search or a comparison moves."""
+        """Whether a score, a search or a comparison is running."""
         return self._score.running or self._auto.running or self._compare.running
 
     def show(self, active: bool) -> None:
@@ -86,12 +86,12 @@ class TuneMode:
         self._show_folders(active)
         self._results.panel.visible = active
         self._compare.show(active)
-        self._known.clear()  # somebody may have labelled meanwhile
+        self._known.clear()  # labels may have changed
         self._shown = self._requested = None
         self._progress_s = self._offered_s = float("-inf")
 
     def use_recording(self, recording: Recording) -> None:
-        """What is computed of the recording before is not wanted any more."""
+        """Cancel the work on the previous recording."""
         self._score.cancel()
         self._auto.cancel()
         self._compare.forget()
@@ -100,7 +100,7 @@ class TuneMode:
         self._known.clear()
 
     def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
-        """Make the controls follow the state, and ask for the picture that belongs to it."""
+        """Update the controls from the state, and request its picture."""
         if (shown := state.without_growth()) != self._shown:
             self._shown = shown
             with self._host.client.atomic():
@@ -125,25 +125,25 @@ class TuneMode:
         self._request_picture(state, now_us)
 
     def clicked(self, x: float, y: float) -> None:
-        """The zoomed view is centred there, and a cluster that lies there comes first in the table."""
+        """Centre the zoomed view on the click; a cluster there moves to the top of the table."""
         if (point := self._host.plane.sheet.sensor_point(x, y)) is not None:
             self._host.send(LookAt(point))
             self._picked, self._requested = (self._now_us, point), None
 
     def close(self) -> None:
-        """The browser is gone."""
+        """The browser has disconnected."""
         self._pictures.close()
         self._score.close()
         self._auto.close()
         self._compare.close()
 
     def _send(self, command: Command) -> None:
-        """What a control asks for; if it is refused, the control shows the old value again."""
+        """Apply a control's change; if it is refused, the control shows the old value again."""
         self._host.send(command)
         self._host.later(self._show_anew)
 
     def _show_folders(self, visible: bool) -> None:
-        """No folder round them: each one deeper makes the column of the labels narrower."""
+        """Show the sections without a folder around them: each level of folders narrows the label column."""
         for panel in (self._view, self._compare.panel, self._settings, self._auto.panel, self._files):
             panel.folder.visible = visible
 
@@ -228,7 +228,9 @@ class TuneMode:
     # The score ----------------------------------------------------------------------------------------------------
 
     def _start_score(self, annotator: str | None = None) -> None:
-        """Against the labels of the annotator who made the most, or of one that is named: then the result comes up."""
+        """Start a score against the labels of one annotator (by default the one with the most labels), then show the
+        result.
+        """
         state, recording = self._host.state, self._host.recording
         if state is None or recording is None or self._score.running:
             return
@@ -258,7 +260,7 @@ class TuneMode:
         self._results.score.show_running(True)
 
     def _show_verdicts(self, uuid: str, runs: Runs) -> None:
-        """Where the score found, missed and mistook the ball, in the time bar: a click goes there."""
+        """Mark in the time bar where the score counted hits, misses and false positives; a click goes there."""
         recording = self._host.recording
         if self._score.running and recording is not None and recording.uuid == uuid:
             self._host.show_runs("detector", runs)
@@ -270,5 +272,5 @@ class TuneMode:
 
 
 def _answer(request: TuneRequest | MethodsRequest) -> PictureAnswer:
-    """The pictures of either request."""
+    """Handle the pictures of either request."""
     return answer_methods(request) if isinstance(request, MethodsRequest) else answer_request(request)

@@ -62,11 +62,11 @@ class ScorePanel:
         self._progress.value = 0.0
 
     def show_progress(self, share: float) -> None:
-        """Share of the recording that is done."""
+        """Show the share of the recording that is done."""
         self._progress.value = 100.0 * share
 
     def show_window(self) -> None:
-        """The score against labels that was shown last in a window of its own: it may be behind another tab here."""
+        """Show the last score against labels in its own window; here it may be behind another tab."""
         modal = self._gui.add_modal("The detector against your labels")
         with modal:
             self._gui.add_html(f"<div data-rallyscope='wide' style='overflow-x:auto'>{self._labels.content}</div>")
@@ -124,17 +124,17 @@ def _score_row(title: str, score: Score, in_time: StreamingScore) -> str:
 
 LISTED = 40
 PICK_PX = 6.0
-"""A click so far from a cluster's nearest event still means it."""
+"""Largest distance of a click from a cluster's nearest event that selects it."""
 TIGHT: Final = "font-size:12.5px;line-height:15px;padding:0 12px;margin-top:-6px"
 CELL: Final = "padding:0"
-"""Four clusters can be seen in a window of 1280x720 without scrolling."""
+"""CSS of a table cell: four clusters fit into a window of 1280x720 without scrolling."""
 
 
 class CandidatesTable:
     """A table of the clusters, the ball first, then by size."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
-        self._table = gui.add_html(stage_counts_html("the first window is being worked on"))
+        self._table = gui.add_html(stage_counts_html("computing the first window"))
 
     def show(
         self,
@@ -142,19 +142,19 @@ class CandidatesTable:
         seconds: float,
         picked_px: tuple[float, float] | None = None,
     ) -> None:
-        """The clusters of each config's trace; one that lies where a person clicked comes first."""
+        """Show the clusters of each config's trace; a clicked one comes first."""
         tables = (candidates_html(name if len(traces) > 1 else "", t, cluster_at(t, picked_px)) for name, t in traces)
         self._table.content = "".join(tables) + stage_counts_html(f"picture made in {seconds * 1e3:.0f} ms")
 
     def show_answers(self, answers: tuple[tuple[str, WindowAnswer], ...], seconds: float) -> None:
-        """What methods say, or one without stages with each config; each with its title."""
+        """Show the answers of several methods, or of one method without stages with each config, with their titles."""
         self._table.content = "".join(answer_html(title if len(answers) > 1 else "", a) for title, a in answers) + (
             stage_counts_html(f"picture made in {seconds * 1e3:.0f} ms")
         )
 
 
 def answer_html(title: str, answer: WindowAnswer) -> str:
-    """One answer, of a method that has no clusters to show, or whose clusters are not looked at."""
+    """HTML of one answer without clusters."""
     label = f"{html_text(title)}: " if title else ""
     window = answer.window
     length_ms = (window.end_us - window.start_us) / 1e3
@@ -165,8 +165,8 @@ def answer_html(title: str, answer: WindowAnswer) -> str:
     if isinstance(ball, RefinedDetection):
         sigma_px = float(ball.centre_covariance_px2.trace()) ** 0.5
         lines.append(f"moves ({ball.vu_px_per_ms:+.2f}, {ball.vv_px_per_ms:+.2f}) px/ms")
-        lines.append(f"sure to {sigma_px:.2f} px by its own account, {ball.fit.points:.0f} edge points")
-    lines.append(f"{answer.method} has seen the {answer.lead_in_windows} windows before")
+        lines.append(f"estimated error {sigma_px:.2f} px, {ball.fit.points:.0f} edge points")
+    lines.append(f"{answer.method} has processed the {answer.lead_in_windows} windows before")
     return "<div style='font-size:12.5px;padding:4px 12px'>" + "<br>".join(lines) + "</div>"
 
 
@@ -178,7 +178,7 @@ def _verdict(found: Detection | None) -> str:
 
 
 def cluster_at(trace: PipelineTrace, point_px: tuple[float, float] | None) -> int | None:
-    """The label of the cluster with the event nearest to a point, if that is near enough to have been meant."""
+    """Label of the cluster with the event nearest to a point, within PICK_PX; None otherwise."""
     if point_px is None or not trace.candidates:
         return None
     nearest_px, label = min(
@@ -189,7 +189,7 @@ def cluster_at(trace: PipelineTrace, point_px: tuple[float, float] | None) -> in
 
 
 def candidates_html(name: str, trace: PipelineTrace, picked: int | None = None) -> str:
-    """One config's clusters; the picked one comes first, and stands out."""
+    """HTML of one config's clusters; the selected one comes first, highlighted."""
     verdict = _verdict(trace.detection)
     where = "searched in the ROI" if trace.roi else "searched on the whole sensor"
     ordered = sorted(trace.candidates, key=lambda one: (one.label != picked, one.rejected is not None, -one.size))
@@ -233,16 +233,16 @@ class ResultsPanel:
         with self.panel.add_tab("Score", viser.Icon.TARGET):
             self.score = ScorePanel(gui, start_score, cancel_score)
         with self.panel.add_tab("Auto-tune", viser.Icon.WAND):
-            self._tuned = gui.add_html(stage_counts_html("nothing was tuned yet: open Auto-tune on the right"))
+            self._tuned = gui.add_html(stage_counts_html("no tuning yet: open Auto-tune on the right"))
         place_below_pictures(gui, self.panel)
         self._taken_px = 0
 
     def make_room(self, width_px: int) -> None:
-        """So much of the window's width is taken by something at the left."""
+        """Leave this much of the window's width free at the left."""
         if width_px != self._taken_px:
             self._taken_px = width_px
             float_below_pictures(self.panel, narrower_px=width_px)
 
     def show_tuned(self, content: str) -> None:
-        """What a search for thresholds has found."""
+        """Show the result of automatic tuning."""
         self._tuned.content = content

@@ -45,9 +45,9 @@ STAGE_OF: Final[dict[Overlay, str]] = {
     "geometry": "geometry",
     "result": "localise",
 }
-"""The section whose sliders belong to what the picture shows: it comes first."""
+"""Section of sliders for each picture; it comes first."""
 REST_S: Final = 1.0
-"""A value that does not go with the others (a 3 on the way to 30) is judged when nothing was typed for so long."""
+"""A value that conflicts with others (a 3 on the way to 30) is checked after this long without typing."""
 
 
 class SettingsPanel:
@@ -104,7 +104,7 @@ class SettingsPanel:
                 handle.value = get_setting(state.config, path)
 
     def tick(self, wall_s: float) -> None:
-        """Send what was held back, once nothing more is typed: if it is refused now, that is said."""
+        """Send the held edit once typing has stopped; a refusal is shown."""
         if (edit := self._held.rested(wall_s)) is not None:
             self._send(edit)
 
@@ -116,7 +116,7 @@ class SettingsPanel:
             self._send(edit)
 
     def _put_first(self, stage: str | None) -> None:
-        """The sliders of the stage that the picture shows are seen without scrolling; the others keep their order."""
+        """Move the sliders of the picture's stage to the top; the others keep their order."""
         if stage == self._first:
             return
         for name in (self._first, stage):
@@ -126,7 +126,7 @@ class SettingsPanel:
         self._first = stage
 
     def _offer(self, method: Method) -> None:
-        """Leave what this method takes from a config; what it decides itself has no slider."""
+        """Show the fields of the config that this method uses."""
         self._what.content = stage_counts_html(METHODS[method])
         taken = {parameter.spec.path for parameter in tunable_parameters(method, DetectorConfig())}
         for name, folder in self._sections.items():
@@ -136,7 +136,7 @@ class SettingsPanel:
             handle.visible = path in taken
 
     def show_trace(self, trace: PipelineTrace | None) -> None:
-        """Events in and out and the time of every stage; nothing without a trace."""
+        """Show events in and out and the time of every stage; nothing without a trace."""
         stages = {stage.name: stage for stage in trace.stages} if trace else {}
         for name, html in self._counts.items():
             stage = stages.get(name)
@@ -151,7 +151,7 @@ class SettingsPanel:
 
 
 class DebouncedEdit:
-    """The last edit, if the config does not take it as it stands: perhaps only a part of a number is typed."""
+    """The last edit, if the config refuses it: perhaps the number is only half typed."""
 
     def __init__(self) -> None:
         self.edit: EditSetting | None = None
@@ -159,7 +159,7 @@ class DebouncedEdit:
         self._since_s = 0.0
 
     def hold(self, edit: EditSetting, config: DetectorConfig) -> bool:
-        """Hold an edit back if it would be refused. One that would not, of the same setting, replaces what is held."""
+        """Hold an edit if it would be refused. A valid edit of the same setting replaces the held one."""
         try:
             replace_setting(config, edit.path, edit.value)
         except ConfigError:
@@ -170,7 +170,7 @@ class DebouncedEdit:
         return False
 
     def rested(self, wall_s: float) -> EditSetting | None:
-        """What was held for REST_S; it is not held any more."""
+        """Release and return an edit that was held for REST_S."""
         edit = self.edit
         if edit is not self._waiting:
             self._waiting, self._since_s = edit, wall_s
@@ -181,19 +181,19 @@ class DebouncedEdit:
 
 
 def is_half_typed(spec: FieldSpec, value: object) -> bool:
-    """Whether a number is outside of what its box takes: the box itself brings it inside when it is left."""
+    """Whether a number is outside its box's range; the box itself clamps it when it loses focus."""
     if spec.bounds is None or isinstance(value, bool) or not isinstance(value, (int, float)):
         return False
     return not spec.bounds.low <= value <= spec.bounds.high
 
 
 def stage_anchor(stage: str) -> str:
-    """The name by which the page finds the sliders of a stage."""
+    """Anchor by which the page finds a stage's sliders."""
     return f"stage-{stage.replace('_', '-')}"
 
 
 def anchor_html(stage: str) -> str:
-    """What a link to a stage leads to; it stands out as long as it is the page's target."""
+    """HTML anchor of a stage, highlighted while it is the page's target."""
     name = stage_anchor(stage)
     return (
         f"<style>#{name}:target{{height:3px;margin:0 12px;background:rgb{theme.BRAND_RGB};scroll-margin:60px}}</style>"
@@ -202,16 +202,16 @@ def anchor_html(stage: str) -> str:
 
 
 def stage_counts_html(text: str) -> str:
-    """One muted line."""
+    """One line with a stage's event counts and time."""
     return f"<div style='font-size:12px;color:{theme.MUTED};padding:0 12px'>{text}</div>"
 
 
 FOLLOW, FOLLOWING, WHOLE = "Follow the ball", "Follows the ball", "Follow the ball: zoom in first"
-"""What the button says: what it does, or why there is nothing to do."""
+"""Texts of the button: what it does, or why it is disabled."""
 
 
 class TuneViewPanel:
-    """Which window of which camera is looked at, and how closely."""
+    """Controls of camera, window and zoom."""
 
     def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None]) -> None:
         self.folder = gui.add_folder("View")
@@ -233,7 +233,7 @@ class TuneViewPanel:
         when_clicked(self._follow, lambda: send(LookAt(None)))
 
     def show(self, state: ClientState) -> None:
-        """Follow the state."""
+        """Update the controls from the state."""
         self._camera.offer(state.cameras)
         self._camera.show(state.camera)
         self._overlay.visible = state.tune.method in STAGED and not state.tune.side_by_side
@@ -249,14 +249,14 @@ class TuneViewPanel:
 
 
 class ConfigFilesPanel:
-    """Names only: the server makes the file from the name, and offers only files that it finds."""
+    """Save and load configs by name: the server makes the path, and offers only files that it finds."""
 
     def __init__(self, gui: viser.GuiApi, save: Callable[[str], None], load: Callable[[str], None]) -> None:
         self.folder = gui.add_folder("Config file")
         with self.folder:
             form = gui.add_form(None)  # Enter in its text means Save
             with form:
-                self._name = gui.add_text("Name", "", hint="Saved by Enter, too; never over another one")
+                self._name = gui.add_text("Name", "", hint="Enter saves, too; existing configs are not overwritten")
                 when_clicked(gui.add_button("Save", icon=viser.Icon.DEVICE_FLOPPY), form.submit)
             self._saved = Listing(gui, "Saved", lambda name: None, hint="Configs in the workspace")
             when_clicked(gui.add_button("Load", icon=viser.Icon.FOLDER_OPEN), self._load)

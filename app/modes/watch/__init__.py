@@ -1,1 +1,1 @@
-"""Watch: what happened in a rally, live or recorded, and how it is told in figures."""
+"""Watch: a rally, live or recorded, in 3D, in pictures and in figures."""

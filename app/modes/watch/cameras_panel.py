@@ -1,4 +1,4 @@
-"""Docked to the left of the 3D scene: the cameras' pictures, the rally in figures, how good predictions were."""
+"""Panel to the left of the 3D scene: camera pictures, figures of the rally, prediction errors."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class CamerasPanel:
         self._lead_times.data = columns
 
     def show_figures(self, moment_html: str, live_html: str) -> None:
-        """What stands below the pictures."""
+        """Show the figures below the pictures."""
         for handle, content in ((self._moment, moment_html), (self._live, live_html)):
             if handle.content != content:
                 handle.content = content
@@ -93,12 +93,12 @@ class CamerasPanel:
                 self._images = {name: self._gui.add_image(BLANK, label=name, format="png") for name in pngs}
                 if self._larger is not None:
                     self._larger.remove()
-                hint = "In the middle of the window; again, or G: back. So does a double click on a picture"
+                hint = "Show it full size. Again, G, or a double click goes back"
                 self._larger = Choice(self._gui, "Larger", tuple(pngs), self._enlarge, hint=hint)
         for name, png in pngs.items():
             set_png(self._images[name], png)
 
 
 def _scales(top_mm: float) -> dict[str, uplot.Scale]:
-    """Given, not found by the plot: it would find none in data with gaps."""
+    """Ranges of the axes; the plot finds none by itself in data with gaps."""
     return {"x": {"time": False, "range": (0.0, LONGEST_MS)}, "y": {"range": (0.0, top_mm)}}

@@ -1,4 +1,4 @@
-"""What a browser may ask of Watch."""
+"""Commands of Watch."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from app.state.client_state import ClientState
 
 @dataclass(frozen=True, slots=True)
 class ShowSpace:
-    """The rally in 3D, or the flat pictures of the cameras."""
+    """Show the rally in 3D, or the cameras' pictures."""
 
     on: bool
 
@@ -20,7 +20,7 @@ class ShowSpace:
 
 @dataclass(frozen=True, slots=True)
 class EnlargeCamera:
-    """One camera's picture in the middle, as large as it goes; the same camera again gives the scene back."""
+    """Show one camera's picture full size; the same camera again returns to the scene."""
 
     camera: str
 
@@ -33,10 +33,10 @@ class EnlargeCamera:
 
 @dataclass(frozen=True, slots=True)
 class EnlargePicture:
-    """What a double click means: on a camera's picture that one in the middle, anywhere else the scene again."""
+    """Double click: on a camera's picture show it full size, anywhere else return to the scene."""
 
     camera: object
-    """What the page says; not trusted. "": not on a camera's picture."""
+    """Name sent by the page, untrusted; "": not on a camera's picture."""
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
         if state.mode != "Watch" or (self.camera != "" and self.camera not in state.cameras):
@@ -47,7 +47,7 @@ class EnlargePicture:
 
 @dataclass(frozen=True, slots=True)
 class EnlargeNextCamera:
-    """Each camera after the other, then the scene again."""
+    """Cycle through the cameras and the scene."""
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
         if state.mode != "Watch":

@@ -1,4 +1,4 @@
-"""Names and figures beside each other, as HTML, and the words for what the chain has learned."""
+"""HTML rows of names and figures, and the text of the learned constants."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from core.trajectory.learned_constants import LearnedConstants
 
 
 def figures_html(rows: list[tuple[str, str]]) -> str:
-    """Columns of a fixed width: figures that change must not move the lines."""
+    """HTML table with columns of a fixed width, so that changing figures do not move the lines."""
     name_style = f"color:{theme.MUTED};padding-right:10px;width:106px;vertical-align:top"
     cells = "".join(
         f"<tr><td style='{name_style}'{_title(name)}>{name}</td><td>{value}</td></tr>" for name, value in rows
@@ -22,18 +22,18 @@ def figures_html(rows: list[tuple[str, str]]) -> str:
     return f"<div style='font-size:12.5px;padding:2px 12px;line-height:1.45'>{table}</div>"
 
 
-def usually(step: Percentiles) -> str:
-    """How long something takes, and what one of a hundred exceeds."""
-    return f"{_ms(step.p50_ms)} ms, seldom {_ms(step.p99_ms)} ms"
+def percentiles_text(step: Percentiles) -> str:
+    """Text of a duration's p50 and p99."""
+    return f"{_ms(step.p50_ms)} ms (p50), {_ms(step.p99_ms)} ms (p99)"
 
 
 def coloured(colour: str, html: str) -> str:
-    """Some HTML in a colour of the theme."""
+    """HTML in a colour of the theme."""
     return f"<span style='color:{colour}'>{html}</span>"
 
 
 def muted(html: str) -> str:
-    """What is of less weight."""
+    """HTML in the muted colour."""
     return coloured(theme.MUTED, html)
 
 
@@ -51,7 +51,7 @@ SURE: Final = 0.9
 def learned_words(learned: LearnedConstants) -> str:
     """Drag, restitution and friction as text, each with its standard deviation."""
     if not learned.balls:
-        return "as published; nothing is told, it learns from every ball"
+        return "published values; it learns from every ball"
     drag, restitution, friction = (
         f"{mean:.2f} ± {sigma:.2f}" for mean, sigma in zip(learned.means.tolist(), learned.sigmas.tolist(), strict=True)
     )
@@ -65,5 +65,5 @@ def learned_words(learned: LearnedConstants) -> str:
 
 
 def balls_text(count: int) -> str:
-    """So many balls, in words."""
+    """Number of balls as text."""
     return "1 ball" if count == 1 else f"{count} balls"

@@ -1,4 +1,4 @@
-"""How a policy learns in the live rally: as HTML and a chart, and the controls, shared by all browsers."""
+"""Online learning in the live rally: figures, chart and controls, shared by all browsers."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from core.online_learning.start import NOTHING
 
 Array = NDArray[np.float64]
 SHOWN: Final = 300
-"""Balls in the chart: the newest."""
+"""Number of newest balls in the chart."""
 RANGE_MM: Final = (1.0, 2000.0)
-"""Of the chart, logarithmic; what is beyond it, or not known, stands at its edge."""
+"""Range of the logarithmic chart; values beyond it, or unknown, are drawn at its edge."""
 STYLE: Final = "font-size:12.5px;padding:2px 12px;line-height:1.45"
 
 
 def reason_html(reason: str) -> str:
-    """Why there is nothing to press."""
+    """HTML of the reason why the controls are disabled."""
     return f"<div style='{STYLE};color:{theme.MUTED}'>{html_text(reason)}</div>"
 
 
 def learning_html(progress: LearningProgress | None, *, on: bool) -> str:
-    """A few lines; nothing before it began."""
+    """HTML of the progress; empty before learning began."""
     if progress is None:
         return ""
     lines = [f"<b>{balls_text(progress.learned)} learned from</b>, started from {html_text(progress.start)}"]
@@ -47,9 +47,9 @@ def learning_html(progress: LearningProgress | None, *, on: bool) -> str:
         if progress.balls[-1].random:
             lines.append("random strokes so far, to explore")
     if not on:
-        lines.append("somebody else plays: nothing is learned now")
+        lines.append("another controller plays: not learning now")
     if progress.problem:
-        lines.append(f"a ball was not learned from: {html_text(progress.problem)}")
+        lines.append(f"a ball was skipped: {html_text(progress.problem)}")
     return f"<div style='{STYLE}'>{'<br>'.join(lines)}</div>"
 
 
@@ -63,10 +63,10 @@ def chart_columns(progress: LearningProgress) -> tuple[Array, Array, Array]:
 
 
 def chart_title_html() -> str:
-    """What is drawn."""
+    """HTML title of the chart."""
     return (
         f"<div style='font-size:12px;padding:0 12px;color:{theme.MUTED}'>Landing error of each ball, mm, and the median"
-        f" of the last {WINDOW}. At the top: it did not come down</div>"
+        f" of the last {WINDOW}. At the top: no landing</div>"
     )
 
 
@@ -79,7 +79,7 @@ DOTS: Final[uplot.Series_Points] = {"show": True, "size": 4, "stroke": BALL, "fi
 
 
 class LearningPanel:
-    """Controls of online learning in one browser. What waits for the learner waits in the pool."""
+    """Controls of online learning in one browser. Waiting for the learner happens in the thread pool."""
 
     def __init__(self, gui: viser.GuiApi, rally: LiveRally, host: ModeHost) -> None:
         self._gui, self._rally, self._host = gui, rally, host
@@ -89,29 +89,31 @@ class LearningPanel:
         learning = rally.learning
         self._folder = gui.add_folder("Learning (shared by all browsers)")
         with self._folder:
-            hint = "Each stroke whose outcome is told improves the policy for the next"
+            hint = "Each stroke with a known outcome improves the policy"
             self._learn = gui.add_checkbox(LEARN, False, hint=hint, disabled=bool(learning.reason))
-            self._start = Listing(gui, "Start from", lambda _: None, hint="Where it begins, and again after a reset")
+            self._start = Listing(gui, "Start from", lambda _: None, hint="Policy to start from, also after a reset")
             self._start.visible = not learning.reason
             self._status = gui.add_html(reason_html(learning.reason) if learning.reason else "")
             self._room = gui.add_folder(None, visible=False)
             with self._room:
                 gui.add_html(chart_title_html())
                 self._chart_place = gui.add_folder(None)
-                self._reset = gui.add_button(RESET, icon=viser.Icon.RESTORE, hint="Forgets all, for all browsers")
+                self._reset = gui.add_button(
+                    RESET, icon=viser.Icon.RESTORE, hint="Discards the learned policy, for all browsers"
+                )
                 self._save = gui.add_button(
-                    SAVE, icon=viser.Icon.DEVICE_FLOPPY, hint="To be chosen as controller later"
+                    SAVE, icon=viser.Icon.DEVICE_FLOPPY, hint="To choose it as controller later"
                 )
         when_changed(self._learn, lambda on: do_in_pool(host, self._begin if on else learning.stop))
         when_clicked(self._reset, lambda: do_in_pool(host, self._begin_anew))
         when_clicked(self._save, lambda: do_in_pool(host, self._save_run))
 
     def set_visible(self, visible: bool) -> None:
-        """Only while the live rally is watched."""
+        """Show the controls only while the live rally is watched."""
         self._folder.visible = visible
 
     def show(self, wall_s: float) -> None:
-        """Say how it goes, some times a second."""
+        """Update the figures, a few times a second."""
         learning = self._rally.learning
         if learning.reason or wall_s - self._shown_s < SHOW_EVERY_S:
             return
@@ -131,7 +133,7 @@ class LearningPanel:
             self._draw(progress)
 
     def _draw(self, progress: LearningProgress) -> None:
-        """A chart is made with its first curve: one that begins empty may never show its ticks."""
+        """Draw the chart; it is made with its first curve, as an empty one may never show its ticks."""
         if not progress.balls:
             if self._chart is not None:
                 self._chart.remove()

@@ -1,4 +1,4 @@
-"""The last missed ball, and the ways from there to Tune and Label."""
+"""The last missed ball, with buttons to Tune and Label."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from core.live.ring_recording import RingRecording
 from core.recordings import Recording
 
 LAST: Final = 1e6
-"""In the order of the controls."""
+"""Position of the panel: after all other controls."""
 
 
 class MissedPanel:
     """Shows the missed ball in one browser."""
 
     def __init__(self, gui: viser.GuiApi, look: Callable[[ModeName], None]) -> None:
-        # Last: it comes and goes with the rally, and nothing that is about to be clicked may move.
+        # Last: it appears and disappears, and must not move other controls.
         self._folder = gui.add_folder("Last miss", visible=False, order=LAST)
         with self._folder:
             self._text = gui.add_html("")
@@ -38,24 +38,24 @@ class MissedPanel:
         when_clicked(label, lambda: look("Label"))
 
     def show(self, missed: MissedBall | None, *, copies: bool) -> None:
-        """Say which it is; `copies`: the rally is live and has to be frozen to be looked at."""
+        """Show the missed ball; `copies`: the rally is live and has to be frozen first."""
         self._folder.visible = missed is not None
         if missed is not None and self._text.content != (content := missed_html(missed, copies=copies)):
             self._text.content = content
 
 
 def missed_html(missed: MissedBall, *, copies: bool) -> str:
-    """What was missed, in a line or two."""
+    """HTML of what was missed, in one or two lines."""
     camera, ms = html_text(missed.camera), missed.unseen_us / 1e3
     if missed.kind == "not seen":
-        text = f"the detector did not see the ball in {camera} for {ms:.0f} ms. That alone loses no ball"
+        text = f"the detector missed the ball in {camera} for {ms:.0f} ms. The track was not lost"
     elif missed.unseen_us:
-        text = f"the ball did not come back; the detector did not see it in {camera} for {ms:.0f} ms"
+        text = f"the ball was not returned; the detector missed it in {camera} for {ms:.0f} ms"
     else:
-        text = "the ball did not come back; the cameras saw it up to the racket"
+        text = "the ball was not returned; it was seen up to the racket"
     text = f"<b>{missed.t_us / 1e6:.3f} s</b>: {text}."
     if copies:
-        text += "<br>" + muted("What is remembered since becomes a recording.")
+        text += "<br>" + muted("The last 20 s will be saved as a recording.")
     return f"<div style='font-size:12.5px;padding:2px 12px;line-height:1.45'>{text}</div>"
 
 
@@ -73,12 +73,12 @@ class MissedBallSearch:
         self._copy = LiveCopy(host)
         self._missed: MissedBall | None = None
         self._wanted: tuple[ModeName, MissedBall] | None = None
-        """What is to be shown once the live rally is frozen."""
+        """Moment to show once the live rally is frozen."""
         self._asked: object = None
         self._asked_s = float("-inf")
 
     def use_recording(self, recording: Recording) -> None:
-        """Another recording was opened: the one that was frozen, or anything else."""
+        """Another recording was opened: the frozen one, or any other."""
         self._missed, self._asked = None, None
         self._panel.show(None, copies=False)
         moment_us, wanted = self._copy.moment_in(recording), self._wanted
@@ -89,11 +89,13 @@ class MissedBallSearch:
             self._host.send(LookInto(mode, missed.camera, moment_us))
 
     def tick(self, history: RallyHistory | None, now_us: int, wall_s: float) -> None:
-        """Look again where time or what is known has moved; `history` is None where there is no rally in space."""
+        """Search again when the time or the history has changed; `history` is None for a recording that is not
+        stereo.
+        """
         recording = self._host.recording
         if history is None or recording is None or wall_s - self._asked_s < LOOK_EVERY_S:
             return
-        if isinstance(recording, RingRecording):  # all browsers that follow it look for the same
+        if isinstance(recording, RingRecording):  # the result is the same for all browsers on this recording
             now_us = now_us // LIVE_STEP_US * LIVE_STEP_US
         key = (recording.uuid, now_us, min(history.followed_us, now_us), history.outcome_count)
         if key != self._asked:
@@ -101,7 +103,7 @@ class MissedBallSearch:
             self._search.submit(MissedBallRequest(recording, history, now_us))
 
     def close(self) -> None:
-        """The browser is gone."""
+        """The browser has disconnected."""
         self._search.close()
         self._copy.close()
 

@@ -32,11 +32,11 @@ from core.physics import TaskConfig
 from core.recordings import Recording
 
 DRAW_EVERY_S = 1 / 120
-"""Shorter than the loop's turn, so that every turn with news is drawn."""
+"""Shorter than the loop's period, so that every change is drawn."""
 PICTURES_EVERY_S = 1 / 15
 STATUS_EVERY_S = 0.15
 THROTTLED_S = 0.5
-"""Pictures and figures on a page that is to be spared: together, so that the panel is drawn once."""
+"""Interval of pictures and figures on a throttled page; both at once, so that the panel is drawn once."""
 CONTROLLERS_EVERY_S = 2.0
 LEAD_TIMES_EVERY_S = 2.0
 PICTURE_PX = (1280, 720)
@@ -44,7 +44,7 @@ ACTION_LIMIT_DEG = TaskConfig().stroke.action_limit_deg
 
 
 class WatchMode:
-    """Watch as one browser sees it."""
+    """The Watch mode of one browser."""
 
     uses_recording = True
     takes_keys = False
@@ -53,7 +53,7 @@ class WatchMode:
         self._host = host
         self._rally: WatchedRally | None = None
         self._live: LiveRally | None = None
-        """That of the recording that is open."""
+        """Live rally of the open recording; None for a file."""
         self._positions: dict[str, NDArray[np.float64]] = {}
         self._active = False
         gui = host.client.gui
@@ -80,7 +80,7 @@ class WatchMode:
 
     @property
     def middle(self) -> Middle:
-        """3D for a stereo recording, unless the pictures are wanted."""
+        """3D for a stereo recording, unless pictures are selected."""
         state = self._host.state
         return "world" if self._has_panel and state is not None and not state.watch.large else "events"
 
@@ -92,7 +92,7 @@ class WatchMode:
 
     @property
     def needs_tick(self) -> bool:
-        """A live rally moves; a recording that is being followed may soon know more."""
+        """Whether the rally is live, or its recording is still being processed."""
         return self._live is not None
 
     def show(self, active: bool) -> None:
@@ -155,7 +155,7 @@ class WatchMode:
         self._request_pictures(state, moment, wall_s)
 
     def _show_controls(self, live: LiveRally | None, wall_s: float) -> None:
-        """Those of a live rally, while one is watched."""
+        """Show the live controls while a live rally is watched."""
         for panel in (self._simulation, self._source, self._learning, self._robot):
             if panel is not None:
                 panel.set_visible(live is not None)
@@ -172,12 +172,12 @@ class WatchMode:
                 panel.show(wall_s)
 
     def clicked(self, x: float, y: float) -> None:
-        """Only corners of the table are chosen by clicks."""
+        """Handle a click: it selects a corner of the table."""
         if self.middle == "events":
             self._table.clicked(x, y)
 
     def close(self) -> None:
-        """The browser is gone."""
+        """The browser has disconnected."""
         self._missed.close()
         self._table.close()
         self._board.close()
@@ -221,7 +221,7 @@ class WatchMode:
             figures = live_html(snapshot, live.state, live.source.status, cameras)
         assert self._rally is not None
         robot, outcomes = (True, True) if live is None else (live.has_robot, live.source.has_outcomes)
-        said = moment_html(
+        status_html = moment_html(
             moment,
             ACTION_LIMIT_DEG,
             self._rally.followed,
@@ -231,7 +231,7 @@ class WatchMode:
             drift=self._rally.drift,
             cameras=() if self._host.recording is None else tuple(self._host.recording.cameras),
         )
-        self._cameras.show_figures(said, figures)
+        self._cameras.show_figures(status_html, figures)
 
     def _request_lead_times(self, wall_s: float) -> None:
         recording, rally = self._host.recording, self._rally
@@ -254,7 +254,7 @@ class WatchMode:
         self._host.later(lambda: self._host.world.look_from(self._host.world.view) if self._active else None)
 
     def _save_picture(self) -> None:
-        """The browser draws its own view again, at a size of its own, and downloads it."""
+        """Save the view: the browser renders it again at the export size and downloads it."""
         client, eye = self._host.client, self._host.world.eye
 
         def save() -> None:

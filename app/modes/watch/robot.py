@@ -1,4 +1,4 @@
-"""A robot of one's own: how it is doing, and the buttons that stop and start it. It is shared by all browsers."""
+"""Status of the robot, and its stop and start buttons. All browsers share it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PARTIES: Final = {"robot": "the robot itself", "rallyscope": "Rallyscope"}
 
 
 def robot_html(status: RobotStatus, test: StepTestReport) -> str:
-    """Whether it is there and may be sent to, where it is, what it may do, how late it is, and what was refused."""
+    """HTML of the robot's connection, state, position, limits, latency and refused targets."""
     rows = [("Robot", _connection(status)), ("Plays", _plays(status))]
     if status.state is not None and status.connection != "lost":
         rows.append(("Racket", _pose(status)))
@@ -29,11 +29,11 @@ def robot_html(status: RobotStatus, test: StepTestReport) -> str:
     rows.append(("Late by", _late(test)))
     counts = status.counts
     if counts.sent or counts.kept_back:
-        said = f"{counts.taken:,} taken"
-        said += f", {counts.refused:,} refused by it" if counts.refused else ""
-        said += f", {counts.unanswered:,} not answered" if counts.unanswered else ""
-        said += f", {counts.kept_back:,} kept back: too late, or outside of its limits" if counts.kept_back else ""
-        rows.append(("Targets", said))
+        cell = f"{counts.taken:,} taken"
+        cell += f", {counts.refused:,} refused by the robot" if counts.refused else ""
+        cell += f", {counts.unanswered:,} unanswered" if counts.unanswered else ""
+        cell += f", {counts.kept_back:,} held back: too late or outside the limits" if counts.kept_back else ""
+        rows.append(("Targets", cell))
     if status.last_refusal:
         rows.append(("Last refusal", muted(html_text(status.last_refusal))))
     troubles = [
@@ -47,7 +47,7 @@ def robot_html(status: RobotStatus, test: StepTestReport) -> str:
 
 
 def limits_words(limits: RobotLimits) -> str:
-    """The box, and how fast it may move in it."""
+    """Text of the limits: the box, and the speeds in it."""
     box = ", ".join(
         f"{axis} {low:g} to {high:g}" for axis, low, high in zip("xyz", limits.low_m, limits.high_m, strict=True)
     )
@@ -61,7 +61,7 @@ def _connection(status: RobotStatus) -> str:
     where = html_text(status.name or status.address)
     if status.connection != "ready":
         colour = theme.WARN if status.connection in ("awaited", "clock") and not status.counts.lost else theme.BAD
-        return coloured(colour, f"{where}: {html_text(status.problem)}. Nothing is sent to it")
+        return coloured(colour, f"{where}: {html_text(status.problem)}. No targets are sent")
     known = "" if status.clock is None else f", its clock known to {status.clock.within_us / 1e3:.1f} ms"
     trip = "" if status.round_trip_ms is None else f", answers in {status.round_trip_ms:.1f} ms"
     return coloured(theme.GOOD, f"{where}, connected{trip}{known}")
@@ -69,30 +69,30 @@ def _connection(status: RobotStatus) -> str:
 
 def _plays(status: RobotStatus) -> str:
     if status.stop is None and status.connection != "ready":
-        return muted("not now; by itself when it is back")
+        return muted("paused; continues when it is back")
     if status.stop is None:
-        return coloured(theme.GOOD, "yes: it is sent to the balls")
-    said = f"no, stopped by {PARTIES[status.stop.by]}: {html_text(status.stop.reason)}"
+        return coloured(theme.GOOD, "yes: targets are sent")
+    cell = f"no, stopped by {PARTIES[status.stop.by]}: {html_text(status.stop.reason)}"
     state = status.state
     if state is not None and state.stopped == "robot" and state.reason != status.stop.reason:
-        said += f". The robot itself: {html_text(state.reason)}"
-    return coloured(theme.WARN, said)
+        cell += f". The robot itself: {html_text(state.reason)}"
+    return coloured(theme.WARN, cell)
 
 
 def _late(test: StepTestReport) -> str:
     found = test.found
     if test.running:
-        return coloured(theme.WARN, f"being measured, {100 * test.done:.0f} %: it moves to the side and back")
+        return coloured(theme.WARN, f"measuring, {100 * test.done:.0f} %: it moves to the side and back")
     if found is None:
-        said = "not known: Step test measures it, while no ball flies"
+        cell = "unknown: Step test measures it while no ball flies"
     else:
         mean_ms = round(1e3 * found.mean_s, 1) + 0.0
-        said = f"{mean_ms:.1f} &plusmn; {1e3 * found.sigma_s:.1f} ms, {1e3 * found.jitter_s:.1f} ms from one "
-        said += f"of {found.steps} steps to another" + (": sent so much earlier" if mean_ms > 0 else "")
-    said = coloured(theme.MUTED if found is None else theme.GOOD, said)
+        cell = f"{mean_ms:.1f} &plusmn; {1e3 * found.sigma_s:.1f} ms, {1e3 * found.jitter_s:.1f} ms from one "
+        cell += f"of {found.steps} steps to another" + (": commands are sent this much earlier" if mean_ms > 0 else "")
+    cell = coloured(theme.MUTED if found is None else theme.GOOD, cell)
     if test.problem:
-        said += f"<br>{coloured(theme.WARN, f'The last test was broken off: {html_text(test.problem)}')}"
-    return said
+        cell += f"<br>{coloured(theme.WARN, f'The last test was aborted: {html_text(test.problem)}')}"
+    return cell
 
 
 def _pose(status: RobotStatus) -> str:
@@ -115,11 +115,11 @@ class RobotPanel:
         self._shown_s = float("-inf")
         self._folder = gui.add_folder("Robot (shared by all browsers)")
         with self._folder:
-            hint = "At once. Only a person starts it again"
+            hint = "Stops at once. Only a person can start it again"
             self._stop = gui.add_button(STOP, icon=viser.Icon.HAND_STOP, color="red", hint=hint)
-            hint = "It may move from now on: is everybody out of its reach?"
+            hint = "It will move: is everybody out of its reach?"
             self._start = gui.add_button(START, icon=viser.Icon.PLAYER_PLAY, hint=hint)
-            hint = "4 cm to the side and back, ten times: how late is it? Targets are sent so much earlier then"
+            hint = "Moves 4 cm to the side and back, ten times. Targets are then sent earlier by its latency"
             self._test = gui.add_button(STEP_TEST, icon=viser.Icon.ARROWS_HORIZONTAL, hint=hint, visible=False)
             self._status = gui.add_html("")
         when_clicked(self._stop, self._stop_now)
@@ -127,22 +127,22 @@ class RobotPanel:
         when_clicked(self._test, step_test.begin)
 
     def set_visible(self, visible: bool) -> None:
-        """Only while the live rally is watched."""
+        """Show the controls only while the live rally is watched."""
         self._folder.visible = visible
 
     def show(self, wall_s: float) -> None:
-        """Say how it is doing, some times a second."""
+        """Update the status, a few times a second."""
         if wall_s - self._shown_s < SHOW_EVERY_S:
             return
         self._shown_s = wall_s
         status, test = self._robot.status, self._step_test.report
         _set_visible(self._start, status.stop is not None)
         _set_visible(self._test, status.ready and not test.running)
-        if (said := robot_html(status, test)) != self._status.content:
-            self._status.content = said
+        if (cell := robot_html(status, test)) != self._status.content:
+            self._status.content = cell
 
     def _stop_now(self) -> None:
-        """Here and not in the pool, where it would wait behind pictures; it only puts a message into a queue."""
+        """Stop at once, not in the thread pool behind pictures; it only puts a message into a queue."""
         self._robot.stop(self._who)
 
     def _ask_to_start(self) -> None:

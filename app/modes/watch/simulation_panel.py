@@ -1,4 +1,4 @@
-"""The controls of the live simulation: shared by all browsers, so they show what it says and send what is wanted."""
+"""Controls of the live simulation, shared by all browsers: they show its state and send changes."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ CELL: Final = "text-align:right;white-space:nowrap;padding-left:10px"
 
 
 def returned_html(rates: tuple[ReturnRate, ...]) -> str:
-    """A row for each controller and scene, with the 95 % interval of its share."""
+    """HTML with a row for each controller and scene: share returned with its 95 % interval."""
     style = "font-size:12.5px;padding:2px 12px;line-height:1.45"
     if not rates:
-        return f"<div style='{style};color:{theme.MUTED}'>No ball has been played to its end yet.</div>"
+        return f"<div style='{style};color:{theme.MUTED}'>No ball has been completed yet.</div>"
     rows = "".join(_row(rate) for rate in rates)
-    left_out = "With 95 % intervals. A ball during which controller or scene changed is left out."
+    left_out = "With 95 % intervals. Balls during which controller or scene changed are not counted."
     note = f"<div style='color:{theme.MUTED}'>{left_out}</div>"
     return f"<div style='{style}'><table style='width:100%'>{rows}</table>{note}</div>"
 
@@ -57,10 +57,10 @@ GOAL_Y_M: Final = (-0.7, 0.7)
 
 
 class SimulationPanel:
-    """The simulation's controls in one browser. Commands wait for their answer in the pool, never in the loop."""
+    """The simulation's controls in one browser. Commands wait for their reply in the thread pool, never in the loop."""
 
     def __init__(self, gui: viser.GuiApi, rally: LiveRally, client: SimulationClient, host: ModeHost) -> None:
-        """`client` is that of the simulation that the rally is heard from."""
+        """`client`: the connection to the simulation."""
         self._rally, self._client = rally, client
         self._host = host
         self._folder = gui.add_folder("Simulation (shared by all browsers)")
@@ -68,18 +68,16 @@ class SimulationPanel:
             self._serve = gui.add_button("Serve", icon=viser.Icon.PING_PONG, hint="A ball at the chosen speed")
             self._speed = gui.add_slider("Serve speed [m/s]", *SPEEDS_MPS, 0.5, 5.0)
             self._auto = gui.add_checkbox("Auto-serve", True, hint=tooltip("Auto-serve"))
-            self._pause = gui.add_button_group(
-                "Clock", (STOP, RUN, STEP), hint=f"A step is a block. {tooltip('Block')}"
-            )
+            self._pause = gui.add_button_group("Clock", (STOP, RUN, STEP), hint=f"Step: one block. {tooltip('Block')}")
             self._record = RecordButton(gui, rally, host)
             self._pace = gui.add_dropdown("Pace", tuple(PACES), hint=tooltip("Pace"))
             self._scene = gui.add_dropdown(
-                "Scene", tuple(SCENES), hint="What the cameras look at; people take more time"
+                "Scene", tuple(SCENES), hint="What the cameras see; people take more computing time"
             )
             self._controller = Listing(gui, "Controller", self._use, hint="Built in, learning, or a trained policy")
             with gui.add_folder("Noise and landing target", expand_by_default=False):
                 self._noise = gui.add_slider(
-                    "Noise [Hz/px]", *NOISE_HZ, 0.1, 0.1, hint="Background events of each pixel a second"
+                    "Noise [Hz/px]", *NOISE_HZ, 0.1, 0.1, hint="Background events per pixel and second"
                 )
                 self._goal_x = gui.add_slider("Target x [m]", *GOAL_X_M, 0.05, 0.8, hint="From the net")
                 self._goal_y = gui.add_slider("Target y [m]", *GOAL_Y_M, 0.05, 0.0, hint="From the middle line")
@@ -103,11 +101,11 @@ class SimulationPanel:
                 self._ask(acts[event.target.value])
 
     def set_visible(self, visible: bool) -> None:
-        """Only while the live rally is watched."""
+        """Show the controls only while the live rally is watched."""
         self._folder.visible = visible
 
     def show(self, state: m.WorldState | None) -> None:
-        """Show what the simulation says, and what came of its balls."""
+        """Show the simulation's state and the outcomes of its balls."""
         if self._returned.content != (table := returned_html(self._rally.returns.rates())):
             self._returned.content = table
         self._record.show()
@@ -124,7 +122,7 @@ class SimulationPanel:
         self._goal_x.value, self._goal_y.value = _bounded(x, GOAL_X_M), _bounded(y, GOAL_Y_M)
 
     def show_controllers(self) -> None:
-        """Offer what can play now: reads the folder of runs."""
+        """Offer the available controllers: reads the folder of runs."""
         learns = () if self._rally.learning.reason else (LEARNS,)
         self._controller.offer((BUILT_IN, *learns, *run_choices(self._host.services.workspace)))
         self._controller.show(self._rally.player.controller.name)

@@ -1,4 +1,4 @@
-"""A live source that is no simulation: how it is doing, a recording of it, and the biases of its cameras."""
+"""A live source that is not a simulation: status, recording, and camera biases."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from core.live.camera_source import CameraSource
 
 
 class BiasPanel:
-    """Bias sliders of one camera in one browser. Biases are sent to the camera in the pool, never in the loop."""
+    """Bias sliders of one camera in one browser. Biases are sent in the thread pool, never in the loop."""
 
     def __init__(
         self,
@@ -36,12 +36,12 @@ class BiasPanel:
                 slider = gui.add_slider(bias.name, bias.low, bias.high, 1, values[bias.name], hint=bias.doc)
                 when_changed(slider, lambda value, bias_name=bias.name: self._ask(bias_name, value))
                 self._sliders[bias.name] = slider
-            hint = "of all cameras, for --biases of serve and record"
+            hint = "Saves the biases of all cameras, for --biases of serve and record"
             when_clicked(gui.add_button("Save biases", icon=viser.Icon.DEVICE_FLOPPY, hint=hint), self._ask_to_save)
         self._shown = values
 
     def show(self) -> None:
-        """Let the sliders stand where another browser has put them."""
+        """Update the sliders when another browser has moved them."""
         values = self._device.bias_values()
         for name, value in values.items():
             if value != self._shown[name] and self._sliders[name].value != value:
@@ -67,7 +67,7 @@ RECORD: Final = "Record"
 
 
 class RecordButton:
-    """The Record button of one browser. Files are opened and closed in the pool, never in the loop."""
+    """The Record button of one browser. Files are opened and closed in the thread pool, never in the loop."""
 
     def __init__(self, gui: viser.GuiApi, rally: LiveRally, host: ModeHost) -> None:
         self._rally, self._host = rally, host
@@ -75,7 +75,7 @@ class RecordButton:
         when_clicked(self._button, self._ask)
 
     def show(self) -> None:
-        """Say whether one is being written, and since when."""
+        """Show whether a recording is being written, and for how long."""
         recorded = self._rally.recorded
         label = RECORD if recorded is None else f"Stop recording ({self._rally.recorded_s:.0f} s)"
         if self._button.label != label:
@@ -113,11 +113,11 @@ class SourcePanel:
             self._biases = [BiasPanel(gui, name, device, devices, host) for name, device in devices.items()]
 
     def set_visible(self, visible: bool) -> None:
-        """Only while the live rally is watched."""
+        """Show the controls only while the live rally is watched."""
         self._folder.visible = visible
 
     def show(self, wall_s: float) -> None:
-        """Say how it is doing, some times a second."""
+        """Update the status, a few times a second."""
         if wall_s - self._shown_s < SHOW_EVERY_S:
             return
         self._shown_s = wall_s
@@ -125,6 +125,6 @@ class SourcePanel:
         for biases in self._biases:
             biases.show()
         rally = self._rally
-        said = stream_html(rally.source, rally.watch.health(), rally.player.snapshot, has_robot=rally.has_robot)
-        if said != self._status.content:
-            self._status.content = said
+        html = stream_html(rally.source, rally.watch.health(), rally.player.snapshot, has_robot=rally.has_robot)
+        if html != self._status.content:
+            self._status.content = html

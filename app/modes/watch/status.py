@@ -1,4 +1,4 @@
-"""The rally in figures, as HTML."""
+"""Figures of the rally as HTML."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from app import theme
 from app.formatting.text import html_text, percent
-from app.modes.watch.figures import coloured, figures_html, learned_words, muted, usually
+from app.modes.watch.figures import coloured, figures_html, learned_words, muted, percentiles_text
 from app.modes.watch.stream_status import camera_rows
 from app.scene.landing import CASE_NAMES, CASE_RGB
 from core.chain.calibration_drift import DriftReport
@@ -24,34 +24,34 @@ from core.live.stream_watch import CameraHealth
 from core.physics.episode import Case
 from core.trajectory.prediction import HitPlane
 
-REMEDY = "One was moved, or its lens: calibrate again"
+REMEDY = "A camera or lens was moved: calibrate again"
 
 
 def drift_row(report: DriftReport) -> tuple[str, str]:
-    """What the last flights say of the calibration."""
+    """Row with the calibration's drift as seen by the last flights."""
     drift = report.drift
     if drift is None:
         if report.points >= report.needed:
-            said = "cannot be judged: the cameras see different things"
-            return "Calibration", coloured(theme.WARN, f"{said}. {REMEDY}" if report.alarm else said)
-        said = f"not judged yet, after {report.points} of {report.needed} points of the ball"
-        return "Calibration", muted(said)
+            message = "unknown: the cameras see different objects"
+            return "Calibration", coloured(theme.WARN, f"{message}. {REMEDY}" if report.alarm else message)
+        message = f"unknown yet, after {report.points} of {report.needed} points of the ball"
+        return "Calibration", muted(message)
     if report.alarm:
         return "Calibration", coloured(theme.BAD, f"{drift_words(report)}. {REMEDY}")
-    said = f"fits to {drift.drift_px:.1f} px ({report.points} points of the ball)"
-    return "Calibration", coloured(theme.GOOD, said)
+    message = f"fits to {drift.drift_px:.1f} px ({report.points} points of the ball)"
+    return "Calibration", coloured(theme.GOOD, message)
 
 
 def drift_words(report: DriftReport) -> str:
-    """That they no longer fit, in one sentence without its stop."""
+    """Text of a calibration that no longer fits, without a full stop."""
     drift = report.drift
     how_far = "" if drift is None else f": {drift.drift_px:.1f} px off"
-    names = "" if report.pair is None else f" {html_text(report.pair[0])} and {html_text(report.pair[1])}"
-    return f"The cameras{names} no longer fit each other{how_far}"
+    names = "" if report.pair is None else f" of {html_text(report.pair[0])} and {html_text(report.pair[1])}"
+    return f"The calibration{names} has drifted{how_far}"
 
 
 READ_US: Final = 1_000_000
-"""What was expected of a hit can be read for so long after it."""
+"""The prediction of a hit is shown this long after it."""
 STAGES: Final = {"pre": "before the bounce", "post": "after the bounce"}
 
 
@@ -96,17 +96,17 @@ def moment_html(
     elif moment.outcomes:
         rows += [("Last stroke, as seen", _last(moment.outcomes)), ("Strokes, as seen", _balls(moment.outcomes))]
     if followed < 1:
-        rows.append(("Followed", muted(f"has seen {percent(followed)} of the recording")))
+        rows.append(("Followed", muted(f"has processed {percent(followed)} of the recording")))
     return figures_html(rows)
 
 
 def live_html(snapshot: RallySnapshot, state: WorldState, status: str, cameras: tuple[CameraHealth, ...] = ()) -> str:
-    """How well the rally of a simulation is followed, and what is wrong with its cameras if anything is."""
+    """HTML of how well a simulated rally is processed, and of camera problems."""
     health = snapshot.health
     rows = [
         ("Simulation", _simulation(state, status)),
-        ("Followed", f"{health.state_hz:.0f} times a second, {usually(health.step)} each"),
-        ("Seen to racket", usually(health.window_to_sent)),
+        ("Followed", f"{health.state_hz:.0f} times a second, {percentiles_text(health.step)} each"),
+        ("Seen to racket", percentiles_text(health.window_to_sent)),
         ("Controller", html_text(snapshot.controller)),
     ]
     if snapshot.learned is not None:
@@ -115,7 +115,7 @@ def live_html(snapshot: RallySnapshot, state: WorldState, status: str, cameras: 
     if state.readout_delayed or state.readout_dropped:
         rows.append(("Sensor readout", _readout(state)))
     if health.blocks_dropped:
-        skipped = f"{health.blocks_dropped} since the session began, of 100 a second: this machine was busy"
+        skipped = f"{health.blocks_dropped} since the session began (100 per second): this machine was busy"
         rows.append(("Skipped blocks", muted(f"{skipped}. Many? Choose a slower Pace")))
     if snapshot.problem:
         rows.append(("Problem", coloured(theme.BAD, html_text(snapshot.problem))))
@@ -123,15 +123,15 @@ def live_html(snapshot: RallySnapshot, state: WorldState, status: str, cameras: 
 
 
 def _simulation(state: WorldState, status: str) -> str:
-    """Whether it is there and keeps pace, and what to do if not."""
+    """Row of the simulation's connection and speed, with what to do about problems."""
     if status != "connected":
-        return coloured(theme.BAD, f"{html_text(status)}, nothing is heard: start Rallyscope again")
+        return coloured(theme.BAD, f"{html_text(status)}, no connection: restart Rallyscope")
     if state.paused:
-        return f"{html_text(status)}, its clock stands still: press Run"
+        return f"{html_text(status)}, it is paused: press Run"
     speed = state.speed_factor * state.kept_share
     if state.kept_share < 1.0:
         asked = "" if state.speed_factor == 1.0 else f" instead of {pace_words(state.speed_factor)}"
-        kept = f"{pace_words(speed)}{asked}: this machine is busy. Nothing is lost"
+        kept = f"{pace_words(speed)}{asked}: this machine is busy. No events are dropped"
         return coloured(theme.WARN, f"{html_text(status)}, {kept}")
     pace = f"{min(state.real_time_factor, speed):.2f} x real time"
     if state.real_time_factor < 0.95 * speed:
@@ -140,15 +140,15 @@ def _simulation(state: WorldState, status: str) -> str:
 
 
 def _readout(state: WorldState) -> str:
-    """What the cameras' readouts did to the events: late ones wait in a queue, lost ones are bad."""
+    """Row of late and lost events of the cameras' readouts."""
     late = f"{state.readout_delayed:,} late, up to {state.readout_longest_us} us"
     if not state.readout_dropped:
         return late
-    return f"{late}, {coloured(theme.BAD, f'{state.readout_dropped:,} events lost: take less Noise')}"
+    return f"{late}, {coloured(theme.BAD, f'{state.readout_dropped:,} events lost: reduce Noise')}"
 
 
 def landing_legend_html() -> str:
-    """Colours of the landing spots."""
+    """HTML legend of the landing points."""
     spots = " &nbsp; ".join(
         f"<span style='color:rgb{CASE_RGB[case]}'>&#9679;</span> {CASE_NAMES[case]}" for case in Case
     )

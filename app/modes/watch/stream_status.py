@@ -1,4 +1,4 @@
-"""How a live source is doing, in plain words, as HTML."""
+"""Status of a live source as HTML."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Final
 
 from app import theme
 from app.formatting.text import html_text
-from app.modes.watch.figures import coloured, figures_html, learned_words, muted, usually
+from app.modes.watch.figures import coloured, figures_html, learned_words, muted, percentiles_text
 from core.devices.camera_feed import FeedCounts
 from core.live.camera_source import CameraReport, CameraSource
 from core.live.link.live_source import LiveSource
@@ -33,17 +33,17 @@ def device_rows(reports: tuple[CameraReport, ...], *, cable: bool) -> Rows:
 
 
 def lost_words(counts: FeedCounts) -> str:
-    """What is missing of a camera since it was opened; empty if nothing is."""
-    said = []
+    """Text of what a camera has lost since it was opened; empty if nothing."""
+    message = []
     if counts.packets_dropped:
-        said.append(f"{counts.packets_dropped:,} USB packets: this machine was too busy to read them")
+        message.append(f"{counts.packets_dropped:,} USB packets: this machine was too busy to read them")
     elif counts.gaps:
-        said.append(f"{counts.gaps:,} gaps in what the camera sent")
+        message.append(f"{counts.gaps:,} gaps in what the camera sent")
     if counts.events_given_up:
-        said.append(f"{counts.events_given_up:,} events that came too late")
+        message.append(f"{counts.events_given_up:,} events that came too late")
     if counts.packets_refused:
-        said.append(f"{counts.packets_refused:,} packets that make no sense")
-    return "; ".join(said)
+        message.append(f"{counts.packets_refused:,} invalid packets")
+    return "; ".join(message)
 
 
 def _rate(rate_hz: float) -> str:
@@ -54,31 +54,38 @@ def _rate(rate_hz: float) -> str:
 
 
 def _clock(report: CameraReport, first: str, *, cable: bool) -> str:
-    """Against this machine's, and how it is brought onto the first camera's."""
+    """Text of a camera's clock against this machine's, and how it is aligned with the first camera's."""
     clock = report.clock
     if clock is None:
         return "not known yet"
-    said = f"{1e6 * clock.drift:+.1f} ppm against this machine, packets up to {1e-3 * clock.jitter_us:.1f} ms late"
+    message = f"{1e6 * clock.drift:+.1f} ppm against this machine, packets up to {1e-3 * clock.jitter_us:.1f} ms late"
     if first:
-        said += f"; one with {first}'s, by cable" if cable else f"; shifted to {first}'s, which no cable joins"
+        message += f"; one with {first}'s, by cable" if cable else f"; shifted to {first}'s, no sync cable"
     if report.clock_restarts:
-        said += f"; found anew {report.clock_restarts} times"
-    return said
+        message += f"; restarted {report.clock_restarts} times"
+    return message
 
 
 KEPT: Final = 0.95
-"""Of the speed that was asked for: below it, that is not kept."""
+"""Share of the requested speed below which a warning is shown."""
 ALONE: Final = (
-    f"<div style='font-size:12px;color:{theme.MUTED};padding:4px 12px'>It has no robot, and nobody knows the truth: "
-    "nothing is served or returned, and strokes are counted as they are seen.</div>"
+    f"<div style='font-size:12px;color:{theme.MUTED};padding:4px 12px'>There is no robot and no ground truth: "
+    "nothing is served or returned, and strokes are counted as seen by the cameras.</div>"
 )
 
 
 def stream_html(source: LiveSource, health: StreamHealth, snapshot: RallySnapshot, *, has_robot: bool = False) -> str:
-    """A source that is no simulation: whether it is there and keeps pace, its cameras, and how it is followed."""
+    """HTML of a source that is not a simulation: connection, speed, cameras, and processing."""
     rows = [("Source", _source(source, health))]
     if source.behind_s > 0:
-        rows.append(("Behind", muted(f"{source.behind_s:.1f} s in all: this machine was busy. All events came, later")))
+        rows.append(
+            (
+                "Behind",
+                muted(
+                    f"{source.behind_s:.1f} s in all: this machine was busy. No events were dropped, they came later"
+                ),
+            )
+        )
     if health.blocks_lost:
         rows.append(("Lost blocks", coloured(theme.WARN, f"{health.blocks_lost:,} of 10 ms never came")))
     rows += camera_rows(health.cameras)
@@ -88,7 +95,7 @@ def stream_html(source: LiveSource, health: StreamHealth, snapshot: RallySnapsho
         rows.append(("Not in space", coloured(theme.WARN, html_text(snapshot.problem))))
     else:
         followed = snapshot.health
-        rows.append(("Followed", f"{followed.state_hz:.0f} times a second, {usually(followed.step)} each"))
+        rows.append(("Followed", f"{followed.state_hz:.0f} times a second, {percentiles_text(followed.step)} each"))
         if snapshot.learned is not None:
             rows.append(("Air and table", learned_words(snapshot.learned)))
         if followed.blocks_dropped:
@@ -100,18 +107,16 @@ def stream_html(source: LiveSource, health: StreamHealth, snapshot: RallySnapsho
 
 
 def camera_rows(cameras: tuple[CameraHealth, ...]) -> list[tuple[str, str]]:
-    """What is wrong with cameras, or was; nothing about those that never missed a block."""
+    """Rows of cameras with present or past problems; none for cameras that never missed a block."""
     rows = []
     for one in cameras:
         missing = f"{one.blocks_missing:,} blocks of 10 ms never came"
         if one.lost:
-            said = f"lost, nothing of it for {one.absent_us / 1e6:.1f} s; {missing}. The rest goes on"
-            rows.append((html_text(one.name), coloured(theme.BAD, said)))
+            message = f"lost, no data for {one.absent_us / 1e6:.1f} s; {missing}. The rest continues"
+            rows.append((html_text(one.name), coloured(theme.BAD, message)))
         elif one.silent:
-            said = (
-                f"not one event for {one.silent_us / 1e6:.1f} s: is it covered, or its file shorter than the other's?"
-            )
-            rows.append((html_text(one.name), coloured(theme.WARN, said)))
+            message = f"no events for {one.silent_us / 1e6:.1f} s: is it covered, or its file shorter than the other?"
+            rows.append((html_text(one.name), coloured(theme.WARN, message)))
         elif one.blocks_missing:
             rows.append((html_text(one.name), muted(missing)))
     return rows
@@ -120,13 +125,13 @@ def camera_rows(cameras: tuple[CameraHealth, ...]) -> list[tuple[str, str]]:
 def _source(source: LiveSource, health: StreamHealth) -> str:
     name = html_text(source.description)
     if source.status == "lost":
-        return coloured(theme.BAD, f"{name}, stopped: nothing more comes. Start Rallyscope again")
+        return coloured(theme.BAD, f"{name}, stopped. Restart Rallyscope")
     if health.stopped:
-        return coloured(theme.BAD, f"{name}, nothing has come for {health.quiet_s:.0f} s")
+        return coloured(theme.BAD, f"{name}, no data for {health.quiet_s:.0f} s")
     asked = source.state.speed_factor if source.state is not None else 1.0
     if health.pace is None:
         return name
     if health.pace < KEPT * asked:
-        said = f"{name}, only {health.pace:.2f} x real time instead of {asked:g}: this machine is busy"
-        return coloured(theme.WARN, said)
+        message = f"{name}, only {health.pace:.2f} x real time instead of {asked:g}: this machine is busy"
+        return coloured(theme.WARN, message)
     return coloured(theme.GOOD, f"{name}, {health.pace:.2f} x real time")

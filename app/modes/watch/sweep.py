@@ -1,4 +1,4 @@
-"""Guides for the first calibration: which parts of each picture the ball, or a board, has not been in yet."""
+"""Coverage guides for calibration: parts of each picture that the ball, or a board, has not been in yet."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class GuideSweep:
 
 @dataclass(frozen=True, slots=True)
 class ForgetSweep:
-    """Count anew."""
+    """Restart the count."""
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
         return _with(state, SweptCells(active=state.watch.swept.active))
@@ -49,7 +49,7 @@ class ForgetSweep:
 
 @dataclass(frozen=True, slots=True)
 class NoteSweptBalls:
-    """A picture was drawn: the cell with the ball, by camera."""
+    """Record the cell with the ball in a new picture, by camera."""
 
     cells: tuple[tuple[str, int], ...]
 
@@ -65,7 +65,7 @@ class NoteSweptBalls:
 
 @dataclass(frozen=True, slots=True)
 class GuideBoard:
-    """Whether the board is looked for, and where it was not is shown."""
+    """Switch the board search and its coverage display."""
 
     on: bool
 
@@ -76,7 +76,7 @@ class GuideBoard:
 
 @dataclass(frozen=True, slots=True)
 class ChooseBoard:
-    """Look for another board: what the one before has covered is forgotten."""
+    """Choose another board; the coverage restarts."""
 
     board: Board
 
@@ -89,7 +89,7 @@ class ChooseBoard:
 
 @dataclass(frozen=True, slots=True)
 class ForgetBoard:
-    """Count anew."""
+    """Restart the count."""
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
         return replace(state, watch=replace(state.watch, board=state.watch.board.emptied()))
@@ -97,7 +97,7 @@ class ForgetBoard:
 
 @dataclass(frozen=True, slots=True)
 class NoteBoards:
-    """The board was looked for: by camera, the cells with a point of it, where the whole of it was found."""
+    """Record a board search: by camera, the cells with a point of a completely found board."""
 
     board: Board
     cells: tuple[tuple[str, tuple[int, ...]], ...]
@@ -122,7 +122,7 @@ def _with(state: ClientState, swept: SweptCells) -> ClientState:
 
 
 GOOD_SHARE: Final = 0.7
-"""Of a picture; no camera sees the ball's volume in all of its picture."""
+"""Share of a picture that has to be covered; no camera sees the ball's volume in all of its picture."""
 
 
 def swept_html(swept: SweptCells, cameras: tuple[str, ...]) -> str:
@@ -151,7 +151,7 @@ def _pair(a: str, b: str) -> tuple[str, str]:
 
 
 def board_html(guide: BoardGuide, cameras: tuple[str, ...]) -> str:
-    """A row a camera: in how many pictures the board was found, and which parts it was not in."""
+    """HTML with a row per camera: pictures with the board, and parts not covered."""
     rows = []
     for name in cameras:
         count = guide.pictures.get(name, 0)
@@ -159,26 +159,28 @@ def board_html(guide: BoardGuide, cameras: tuple[str, ...]) -> str:
             pictures = f"{count} picture{'s' if count > 1 else ''}"
             rows.append((html_text(name), f"{pictures}, {_row(guide.cells.missing(name))}"))
         else:
-            rows.append((html_text(name), coloured(theme.WARN, "not found: does it blink, wholly in the picture?")))
+            rows.append(
+                (html_text(name), coloured(theme.WARN, "not found: is it blinking, and completely in the picture?"))
+            )
     return figures_html(rows)
 
 
 def _row(missing: tuple[int, ...]) -> str:
     done = CELL_COUNT - len(missing)
     colour = theme.GOOD if done >= GOOD_SHARE * CELL_COUNT else theme.WARN
-    said = coloured(colour, f"{done} of {CELL_COUNT} parts")
-    return said if not missing else f"{said}, most is missing {ninth_words(emptiest_ninth(missing))}"
+    html = coloured(colour, f"{done} of {CELL_COUNT} parts")
+    return html if not missing else f"{html}, most of it missing {ninth_words(emptiest_ninth(missing))}"
 
 
 WIDEST_PX: Final = 700
-"""A wider picture is halved: where a board is, is known well enough, and looking costs a quarter."""
+"""Wider pictures are halved for the search: accurate enough, at a quarter of the cost."""
 BLOBS_A_DOT: Final = 4
-"""With more spots than that, a picture has no dot board that could be found in time."""
+"""Most blobs per dot of the board; a picture with more would take too long."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoardSearchRequest:
-    """Where to look, and when."""
+    """Cameras, board and time of a search."""
 
     recording: Recording
     t_us: int
@@ -186,7 +188,7 @@ class BoardSearchRequest:
 
 
 def search_board(request: BoardSearchRequest) -> tuple[tuple[str, tuple[int, ...]], ...]:
-    """The cells with a point of the board, of every camera in which the whole board blinked in the last second."""
+    """Cells with a point of the board, by camera in which the whole board was found in the last second."""
     found = []
     for name, stream in request.recording.cameras.items():
         picture = newest_blink(stream, request.t_us)
@@ -213,15 +215,17 @@ class SweepPanel:
         self._counted: Mosaic | None = None
         self._folder = gui.add_folder("Sweep of the ball", expand_by_default=False, visible=False)
         with self._folder:
-            hint = "Framed: where the ball has not been found in two pictures yet. For `calibrate stereo` and `rig`"
-            self._active = gui.add_checkbox("Show what is missing", False, hint=hint)
-            self._said = gui.add_html("")
-            self._forget = gui.add_button("Count the parts anew", icon=viser.Icon.ERASER)
+            hint = (
+                "Frames mark parts where the ball was not found in two pictures yet. For `calibrate stereo` and `rig`"
+            )
+            self._active = gui.add_checkbox("Show missing parts", False, hint=hint)
+            self._status = gui.add_html("")
+            self._forget = gui.add_button("Restart the count", icon=viser.Icon.ERASER)
         when_changed(self._active, lambda on: host.send(GuideSweep(bool(on))))
         when_clicked(self._forget, lambda: host.send(ForgetSweep()))
 
     def show(self, state: ClientState, *, flat: bool) -> None:
-        """Count the newest picture, and say how far it is."""
+        """Count the newest picture, and show the coverage."""
         self._folder.visible = flat
         if not flat:
             return
@@ -233,7 +237,7 @@ class SweepPanel:
         if (state.cameras, swept) != self._shown:
             self._shown = state.cameras, swept
             self._active.value = swept.active
-            self._said.content = swept_html(swept, state.cameras) if swept.active else ""
+            self._status.content = swept_html(swept, state.cameras) if swept.active else ""
 
 
 LOOK_EVERY_S = 1.0
@@ -250,21 +254,21 @@ class BoardPanel:
         self._search = LatestWins(host.pool, search_board, self._found, self._failed)
         self._folder = gui.add_folder("Board for the lens", expand_by_default=False, visible=False)
         with self._folder:
-            hint = "Framed: where no point of a blinking board was found yet. For `calibrate intrinsics`"
-            self._active = gui.add_checkbox("Look for the board", False, hint=hint)
+            hint = "Frames mark parts without a point of a blinking board. For `calibrate intrinsics`"
+            self._active = gui.add_checkbox("Search the board", False, hint=hint)
             self._kind = gui.add_dropdown("Pattern", KINDS)
             hint = "Inner corners of a chessboard, or dots"
             self._rows = gui.add_number("Rows", FIRST_BOARD.rows, min=FEWEST, max=MOST, step=1, hint=hint)
             self._columns = gui.add_number("Columns", FIRST_BOARD.columns, min=FEWEST, max=MOST, step=1, hint=hint)
-            self._said = gui.add_html("")
-            self._forget = gui.add_button("Forget where it was", icon=viser.Icon.ERASER)
+            self._status = gui.add_html("")
+            self._forget = gui.add_button("Clear its positions", icon=viser.Icon.ERASER)
         when_changed(self._active, lambda on: host.send(GuideBoard(bool(on))))
         for control in (self._kind, self._rows, self._columns):
             when_changed(control, lambda value: host.later(self._choose))
         when_clicked(self._forget, lambda: host.send(ForgetBoard()))
 
     def show(self, state: ClientState, now_us: int, wall_s: float, *, flat: bool) -> None:
-        """Look once a second where there is something new, and say how far it is."""
+        """Search once a second where there are new events, and show the coverage."""
         self._folder.visible = flat
         guide, recording = state.watch.board, self._host.recording
         if not flat or recording is None:
@@ -276,10 +280,10 @@ class BoardPanel:
         if (state.cameras, guide) != self._shown:
             self._shown = state.cameras, guide
             self._active.value = guide.cells.active
-            self._said.content = board_html(guide, state.cameras) if guide.cells.active else ""
+            self._status.content = board_html(guide, state.cameras) if guide.cells.active else ""
 
     def close(self) -> None:
-        """The browser is gone."""
+        """The browser has disconnected."""
         self._search.close()
 
     def _choose(self) -> None:

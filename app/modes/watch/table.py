@@ -1,4 +1,4 @@
-"""Where the cameras stand, by clicking the table's corners in their flat pictures."""
+"""Camera poses from clicks on the table's corners in the cameras' pictures."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from core.recordings import Recording
 
 @dataclass(frozen=True, slots=True)
 class LetTableBeClicked:
-    """Whether a click on a picture is one of a corner."""
+    """Set whether clicks on a picture mark corners."""
 
     on: bool
 
@@ -38,7 +38,7 @@ class LetTableBeClicked:
 
 @dataclass(frozen=True, slots=True)
 class ChooseTableCorner:
-    """The next click is of this one."""
+    """Choose the corner that the next click marks."""
 
     corner: str
 
@@ -50,7 +50,7 @@ class ChooseTableCorner:
 
 @dataclass(frozen=True, slots=True)
 class ClickTableCorner:
-    """Here it is, in a camera's picture."""
+    """Mark the chosen corner in a camera's picture."""
 
     camera: str
     u_px: float
@@ -66,7 +66,7 @@ class ClickTableCorner:
 
 @dataclass(frozen=True, slots=True)
 class UndoTableCorner:
-    """Take the last click back."""
+    """Undo the last click."""
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
         return _with(state, state.watch.table.undone())
@@ -74,7 +74,7 @@ class UndoTableCorner:
 
 @dataclass(frozen=True, slots=True)
 class ForgetTableCorners:
-    """Take all clicks back."""
+    """Remove all clicks."""
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
         return _with(state, TableClicks(active=state.watch.table.active))
@@ -86,23 +86,23 @@ def _with(state: ClientState, table: TableClicks) -> ClientState:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PosesRequest:
-    """Clicks, and the lenses of all cameras; None: not known."""
+    """Clicks and the lens of each camera; None: unknown lens."""
 
     lenses: Mapping[str, Camera | None]
     clicks: TableClicks
 
 
 Poses = dict[str, TablePose | str]
-"""By camera; text: why there is none yet."""
+"""Pose by camera, or the reason why there is none yet."""
 
 
 def find_poses(request: PosesRequest) -> Poses:
-    """Each camera's pose, as far as the clicks go."""
+    """Pose of each camera, where there are enough clicks."""
     found: Poses = {}
     for name, lens in request.lenses.items():
         marks = request.clicks.of(name)
         if lens is None:
-            found[name] = "its lens is not known: give a calibration of it with --calibration"
+            found[name] = "unknown lens: give its calibration with --calibration"
         elif len(marks) < CLICKS_AT_LEAST:
             found[name] = f"{len(marks)} of {CLICKS_AT_LEAST} corners or more"
         else:
@@ -114,12 +114,12 @@ def find_poses(request: PosesRequest) -> Poses:
 
 
 def poses_html(poses: Poses) -> str:
-    """A row a camera."""
+    """HTML with a row per camera."""
     return figures_html([(html_text(name), _pose(pose)) for name, pose in poses.items()])
 
 
 def corner_option(corner: str) -> str:
-    """A corner with its number, as the list of them shows it."""
+    """Text of a corner with its number, for the list."""
     return f"{CORNER_NAMES.index(corner) + 1} {corner}"
 
 
@@ -128,12 +128,12 @@ def _pose(pose: TablePose | str) -> str:
         return muted(html_text(pose))
     worst = max(range(len(pose.names)), key=lambda row: pose.errors_px[row])
     where = ", ".join(f"{value:+.2f}" for value in pose.camera.position_world_m)
-    said = f"{pose.rms_px:.1f} px off, most {pose.names[worst]} ({pose.errors_px[worst]:.1f} px)"
-    return f"{said}; stands at {where} m, &plusmn;{1e3 * pose.sigma_m:.0f} mm"
+    html = f"{pose.rms_px:.1f} px off, most {pose.names[worst]} ({pose.errors_px[worst]:.1f} px)"
+    return f"{html}; stands at {where} m, &plusmn;{1e3 * pose.sigma_m:.0f} mm"
 
 
 class TablePanel:
-    """Table corners clicked in one browser. Poses are computed and written in the pool."""
+    """Table corners clicked in one browser. Poses are computed and written in the thread pool."""
 
     def __init__(self, gui: viser.GuiApi, host: ModeHost) -> None:
         self._host = host
@@ -142,26 +142,26 @@ class TablePanel:
         self._live: LiveRally | None = None
         self._folder = gui.add_folder("Table", expand_by_default=False, visible=False)
         with self._folder:
-            hint = "Each click on a picture is then a point of the table, in every camera's picture"
-            self._active = gui.add_checkbox("Click its corners", False, hint=hint)
-            hint = "Left and right as the robot sees them; the next one is chosen by itself"
+            hint = "Clicks on the cameras' pictures then mark corners of the table"
+            self._active = gui.add_checkbox("Click the corners", False, hint=hint)
+            hint = "Left and right as the robot sees them; the next one is chosen automatically"
             self._corner = typing.cast(
                 "viser.GuiDropdownHandle[str]",
                 gui.add_dropdown("Next corner", tuple(map(corner_option, CORNER_NAMES)), hint=hint),
             )
-            self._said = gui.add_html("")
+            self._status = gui.add_html("")
             self._undo = gui.add_button("Undo the click", icon=viser.Icon.ARROW_BACK_UP)
-            self._forget = gui.add_button("Forget all clicks", icon=viser.Icon.ERASER)
-            hint = "Written as a new calibration; a live source goes on with it"
+            self._forget = gui.add_button("Remove all clicks", icon=viser.Icon.ERASER)
+            hint = "Saved as a new calibration; a live source uses it at once"
             self._use = gui.add_button("Use these poses", icon=viser.Icon.CHECK, hint=hint)
         when_changed(self._active, lambda on: host.send(LetTableBeClicked(bool(on))))
-        when_changed(self._corner, lambda said: host.send(ChooseTableCorner(str(said).partition(" ")[2])))
+        when_changed(self._corner, lambda html: host.send(ChooseTableCorner(str(html).partition(" ")[2])))
         when_clicked(self._undo, lambda: host.send(UndoTableCorner()))
         when_clicked(self._forget, lambda: host.send(ForgetTableCorners()))
         when_clicked(self._use, lambda: host.later(self._ask))
 
     def show(self, state: ClientState, live: LiveRally | None, *, flat: bool) -> None:
-        """Follow the state; only where the flat pictures are."""
+        """Update from the state; visible only with the cameras' pictures."""
         self._folder.visible = flat
         recording, clicks = self._host.recording, state.watch.table
         self._live = live
@@ -173,7 +173,7 @@ class TablePanel:
         self._poses.submit(_request(recording, clicks))
 
     def clicked(self, x: float, y: float) -> None:
-        """On the sheet, in sheet pixels."""
+        """Handle a click, in pixels of the mosaic."""
         state = self._host.state
         if state is None or not state.watch.table.active:
             return
@@ -185,17 +185,17 @@ class TablePanel:
                 self._host.send(ClickTableCorner(name, *at))
 
     def close(self) -> None:
-        """The browser is gone."""
+        """The browser has disconnected."""
         self._poses.close()
 
     def _found(self, request: PosesRequest, poses: Poses) -> None:
         self._host.later(lambda: self._say(poses_html(poses)))
 
-    def _say(self, said: str) -> None:
-        self._said.content = said
+    def _say(self, html: str) -> None:
+        self._status.content = html
 
     def _ask(self) -> None:
-        """In the loop: what is clicked now counts."""
+        """Start the computation for the current clicks; called in the loop."""
         recording, state = self._host.recording, self._host.state
         if recording is not None and state is not None:
             request, live = _request(recording, state.watch.table), self._live
@@ -204,7 +204,7 @@ class TablePanel:
     def _write(self, request: PosesRequest, live: LiveRally | None) -> None:
         try:
             if live is not None and live.recorded is not None:
-                remedy = "stop it first: its cameras stand where they stood when it was begun"
+                remedy = "stop it first: a recording keeps the poses it was started with"
                 raise CommandError("a recording is being written", where=live.recorded, remedy=remedy)
             clicks = {name: clicks_of(request.clicks.of(name)) for name in request.lenses}
             poses = place_at_table(request.lenses, clicks)

@@ -1,4 +1,4 @@
-"""How the rally is looked at: 3D or pictures, point of view, layers."""
+"""Controls of the view: 3D or pictures, viewpoint, layers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WHY_FLAT_HTML = (
 
 
 class ViewPanel:
-    """These controls of one browser."""
+    """View controls of one browser."""
 
     def __init__(
         self,
@@ -44,16 +44,18 @@ class ViewPanel:
         with self._layers_folder:
             self._layers = {layer: gui.add_checkbox(layer, True) for layer in LAYERS}
             gui.add_html(landing_legend_html())
-            self._save = gui.add_button("Save this view as PNG", icon=viser.Icon.CAMERA, hint="Drawn by your browser")
+            self._save = gui.add_button(
+                "Save this view as PNG", icon=viser.Icon.CAMERA, hint="Rendered by your browser"
+            )
         when_clicked(self._save, save_picture)
-        next_camera = gui.add_command("Larger picture: the next camera, then the scene again", hotkey="G")
+        next_camera = gui.add_command("Larger picture: next camera, then the scene", hotkey="G")
         when_triggered(next_camera, lambda: send(EnlargeNextCamera()))
-        when_triggered(gui.add_command("Look again from the chosen view", hotkey="V"), look_again)
+        when_triggered(gui.add_command("Reset to the chosen view", hotkey="V"), look_again)
         for layer, box in self._layers.items():
             when_changed(box, lambda on, layer=layer: send(ShowLayer(layer, bool(on))))
 
     def show(self, state: ClientState, *, is_stereo: bool, knows_ball: bool, views: tuple[str, ...]) -> None:
-        """Follow the state; a recording that is not stereo has no 3D."""
+        """Update from the state; a recording that is not stereo has no 3D."""
         in_space = is_stereo and state.watch.in_space and not state.watch.large
         self._space.show(IN_SPACE if in_space else FLAT)
         self._space.visible, self._why_flat.visible = is_stereo, not is_stereo
@@ -67,5 +69,7 @@ class ViewPanel:
 
     def _add_views(self) -> None:
         with self._views_folder:
-            self._dropdown = self._gui.add_dropdown("View", self._views, hint="Drag to turn, wheel to zoom; V: again")
+            self._dropdown = self._gui.add_dropdown(
+                "View", self._views, hint="Drag to turn, wheel to zoom; V resets the view"
+            )
         when_changed(self._dropdown, lambda view: self._look_from(str(view)))

@@ -17,14 +17,14 @@
       <button data-do="back" title="One step back (←)" aria-label="-1">-1</button>
       <button data-do="play" class="main" title="Play or pause (Space or K)" aria-label="Play">${ICONS.play}</button>
       <button data-do="on" title="One step on (→)" aria-label="+1">+1</button>
-      <button data-do="on10" title="Ten steps on (Shift+→)" aria-label="+10">+10</button>
+      <button data-do="on10" title="Ten steps forward (Shift+→)" aria-label="+10">+10</button>
       <button data-do="end" title="To the end (End)" aria-label="To the end">${ICONS.end}</button>
       <label>Time [µs] <input id="rallyscope-time" inputmode="numeric" autocomplete="off"></label>
       <label>Speed <select id="rallyscope-speed"></select></label>
       <label>Step <select id="rallyscope-step"></select></label>
-      <button data-do="previous" title="To the mark or happening before ([)" aria-label="Previous mark">${ICONS.previous}</button>
-      <button data-do="mark" title="Mark this moment, or take its mark away (')" aria-label="Mark this moment">${ICONS.mark}</button>
-      <button data-do="next" title="To the next mark or happening (])" aria-label="Next mark">${ICONS.next}</button>
+      <button data-do="previous" title="To the previous mark, bounce, hit or miss ([)" aria-label="Previous mark">${ICONS.previous}</button>
+      <button data-do="mark" title="Mark this moment, or remove its mark (')" aria-label="Mark this moment">${ICONS.mark}</button>
+      <button data-do="next" title="To the next mark, bounce, hit or miss (])" aria-label="Next mark">${ICONS.next}</button>
       <button data-do="loop" title="Stop repeating; Shift and drag along the line to repeat a section" aria-label="Stop repeating" hidden>${ICONS.loop}</button>
       <span id="rallyscope-legend"></span>
     </div>

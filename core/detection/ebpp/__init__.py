@@ -1,1 +1,1 @@
-"""The rival EBPP: a surface that every event updates, and a circular Hough transform of it."""
+"""EBPP: a surface that every event updates, and a circular Hough transform of it."""

@@ -1,4 +1,4 @@
-"""EBPP as a detector: every event updates the surface, every window is asked for a circle."""
+"""EBPP as a detector: events update the surface, and each window is searched for a circle."""
 
 from __future__ import annotations
 

@@ -22,9 +22,9 @@ class ErosRule(NamedTuple):
 
     kernel_px: int
     decayed: NDArray[np.uint8]
-    """(256,) what becomes of each value."""
+    """(256,) decayed value of each value."""
     support_us: int
-    """How recent an event of a neighbour must be for an event to count; 0 counts all."""
+    """Largest age of a neighbour's event for an event to count, us; 0 counts all."""
 
 
 class ErosSurface(NamedTuple):
@@ -43,7 +43,7 @@ def eros_rule(kernel_px: int, decay: float, support_us: int) -> ErosRule:
 
 
 def blank_surface(sensor: SensorSize, rule: ErosRule) -> ErosSurface:
-    """Nothing seen yet."""
+    """Surface without any events."""
     margin = rule.kernel_px - 1
     remembered = (sensor.height_px + 2, sensor.width_px + 2) if rule.support_us else (1, 1)
     return ErosSurface(
@@ -61,7 +61,7 @@ def picture_of(surface: ErosSurface, rule: ErosRule) -> NDArray[np.uint8]:
 
 @njit
 def update_surface(t_us, x_px, y_px, surface: ErosSurface, rule: ErosRule) -> None:
-    """Enter events of both polarities, in order of time."""
+    """Update the surface with events of both polarities, in order of time."""
     values, side, half = surface.values, rule.kernel_px, rule.kernel_px // 2
     for i in range(len(t_us)):
         x, y = np.int64(x_px[i]), np.int64(y_px[i])
@@ -78,7 +78,7 @@ def update_surface(t_us, x_px, y_px, surface: ErosSurface, rule: ErosRule) -> No
 
 @njit
 def _has_support(last_us, x, y, t_us, support_us):
-    """Whether one of the eight neighbours had an event lately; remembers this one."""
+    """Whether one of the eight neighbours had a recent event; stores this event's time."""
     since = t_us - support_us
     last_us[y + 1, x + 1] = LONG_AGO_US
     found = False

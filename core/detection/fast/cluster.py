@@ -17,7 +17,7 @@ from core.events import Events, SensorSize
 from core.jit import njit
 
 NO_TIMES: Final = np.zeros(0)
-"""Instead of times where time does not count in the distance."""
+"""Placeholder for times where the distance has no time axis."""
 
 
 class ClusterMemory(NamedTuple):
@@ -26,11 +26,11 @@ class ClusterMemory(NamedTuple):
     last_event: NDArray[np.int32]
     """(height + 2 reach, width + 2 reach) number of the last event on each pixel, -1 for none."""
     event_before: NDArray[np.int32]
-    """(N,) of each event the one before on the same pixel, or -1."""
+    """(N,) previous event on the same pixel, or -1."""
     labels: NDArray[np.int32]
     """(N,) cluster of each event; -1 for noise."""
     stack: NDArray[np.int32]
-    """(N,) events whose neighbours are still to be looked at."""
+    """(N,) stack of events whose neighbours are not visited yet."""
     disc: NDArray[np.int64]
     """(K, 2) rows and columns of the pixels within eps of a pixel, the nearest first."""
     reach: int
@@ -101,7 +101,7 @@ def label_events(x_px, y_px, times_px, memory):
 
 @njit
 def _is_core(event, x_px, y_px, times_px, memory):
-    """Whether an event has enough neighbours, itself counted."""
+    """Whether an event has enough neighbours, itself included."""
     picture, flat, near = memory.last_event, len(times_px) == 0, 0
     row, column = np.int64(y_px[event]) + memory.reach, np.int64(x_px[event]) + memory.reach
     for k in range(len(memory.disc)):
@@ -128,7 +128,7 @@ def _spread(event, cluster, depth, x_px, y_px, times_px, memory):
         other = picture[row + dy, column + dx]
         if other < 0 or (flat and labels[other] >= 0):
             continue
-        if flat:  # one event stands for all of its pixel
+        if flat:  # one event represents its pixel
             memory.stack[depth] = other
             depth += 1
         while other >= 0:

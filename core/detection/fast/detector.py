@@ -20,7 +20,7 @@ from core.detection.stages.roi import Centre, next_region
 from core.events import Events, SensorSize, Window
 
 ROOM: Final = 1 << 14
-"""Events of a window that the working arrays hold at first; they grow."""
+"""Initial capacity of the working arrays, in events; they grow."""
 WHOLE_SENSOR: Final = (math.nan, math.nan)
 """The centre when the whole sensor is searched."""
 LEADING: Final = {"on": 1, "off": -1, "auto": 0}
@@ -45,7 +45,7 @@ class FastDetector:
 
     @property
     def state(self) -> TrackState:
-        """What it remembers, as a value that later windows do not change."""
+        """Copy of its state, which later windows do not change."""
         return TrackState(
             self._centre_px,
             self._misses,
@@ -60,7 +60,7 @@ class FastDetector:
         self.extra_circles = 0
 
     def resume(self, state: TrackState) -> None:
-        """Go on from a state of its own or of the readable pipeline."""
+        """Continue from a state of its own or of the readable pipeline."""
         self._centre_px, self._misses, self._on_leads = state.centre_px, state.misses, state.on_leads
         self._hot_pixels = state.hot_pixels.copy() if state.hot_pixels else None
         self._flicker = state.flicker.copy() if state.flicker else None

@@ -53,7 +53,7 @@ class Memory(NamedTuple):
     t_us: NDArray[np.int64]
     """Since the window's first event."""
     on: NDArray[np.bool_]
-    """(N,) each: the events that survive."""
+    """(N,) each: columns of the surviving events."""
     order: NDArray[np.int64]
     """(N,) numbers of the surviving events, cluster by cluster."""
     starts: NDArray[np.int64]
@@ -69,16 +69,16 @@ class Memory(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What a window shows."""
+    """Result of a window."""
 
     circles: int
     """Clusters that passed every test."""
     u_px: float
     v_px: float
     r_px: float
-    """Of the chosen one."""
+    """Radius of the chosen circle."""
     evidence: float
-    """That ON is the leading polarity of the chosen one."""
+    """Evidence that ON is the leading polarity of the chosen cluster."""
 
 
 @njit

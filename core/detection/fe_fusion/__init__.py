@@ -1,1 +1,1 @@
-"""The rival F-E Fusion without its neural field: the centroid of one cluster of events."""
+"""F-E Fusion without its neural field: the centroid of one cluster of events."""

@@ -25,7 +25,7 @@ class Clusters(NamedTuple):
     v_px: NDArray[np.float64]
     """Centroid of the events."""
     r_px: NDArray[np.float64]
-    """Mean distance of the events from it."""
+    """Mean distance of the events from the centroid."""
     elongation: NDArray[np.float64]
     """Longer side of the upright bounding box over the shorter one."""
 
@@ -72,7 +72,7 @@ def possible_balls(clusters: Clusters, config: FeFusionConfig) -> NDArray[np.int
 
 
 ROOM: Final = 1 << 14
-"""Events of a window that the working arrays hold at first; they grow."""
+"""Initial capacity of the working arrays, in events; they grow."""
 
 
 class FeFusionDetector:

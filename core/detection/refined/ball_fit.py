@@ -1,4 +1,4 @@
-"""One ball fitted to recent events, by a track's prediction or from nothing but a place."""
+"""Fit of one ball to recent events, from a track's prediction or from a position alone."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from core.jit import njit
 
 SECTORS: Final = 16
 FEWEST_EVENTS: Final = 12
-"""Fewer in a box say nothing about what moves there."""
+"""Fewest events in a box for a start estimate."""
 MIN_SPREAD_MS2: Final = 1e-4
-"""Nor do events that all come at once."""
+"""Smallest spread in time of these events, ms^2."""
 MIN_RECENT_MS: Final = 1.5
-"""A slow sensor's newest events are of then."""
+"""Age of a slow sensor's newest events."""
 SIGMA_PX: Final = 0.4
-"""Spread of one edge point."""
+"""Standard deviation of one edge point, px."""
 JITTER_MS: Final = 0.04
-"""Of its time: a fast edge spreads more."""
+"""Time jitter of an event, ms: a fast edge spreads more."""
 ITERATIONS: Final = 8
 
 
 class Work(NamedTuple):
-    """Arrays that a fit works in."""
+    """Working arrays of a fit."""
 
     patch: Patch
     points: EdgePoints
@@ -46,21 +46,21 @@ class Work(NamedTuple):
     quality: NDArray[np.float64]
     """(10,) see `Quality`."""
     covariance: NDArray[np.float64]
-    """(6, 6) of the estimate if every point erred by itself."""
+    """(6, 6) covariance of the estimate for independent errors of the points."""
 
 
 class Quality(NamedTuple):
-    """How good a fit is."""
+    """Quality of a fit."""
 
     residual_px: float
     """Root mean square distance of the edge points from the circle, for a slow ball: a fast one may have more."""
     points: float
     """Edge points with a weight above one half."""
     coverage_lead: float
-    """Share of the sectors of the leading half with such points."""
+    """Share of the leading half's sectors with such points."""
     coverage_trail: float
     inside: float
-    """Events well inside the disc, for each one of such a pixel."""
+    """Events well inside the disc per event of a pixel with such a point."""
     stray: float
     """Share of the edge points with less weight."""
     fill: float
@@ -80,7 +80,7 @@ class Quality(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """How far a fit looks back and aside."""
+    """Time and distance limits of a fit."""
 
     motion_px: float
     history_min_ms: float
@@ -88,7 +88,7 @@ class Reach(NamedTuple):
 
 
 def blank_work() -> Work:
-    """Room for one fit after the other."""
+    """Working arrays for fits."""
     columns = np.zeros((6, MAX_POINTS))
     estimate, prior, information = np.zeros((3, UNKNOWNS))
     fit = Fit(estimate, prior, information, np.zeros(2), np.zeros((UNKNOWNS, UNKNOWNS)))
@@ -99,7 +99,7 @@ def blank_work() -> Work:
 
 @njit
 def span_for(end_us: int, speed: float, reach: Reach) -> LookBack:
-    """Which events tell about a ball of a speed in px/ms."""
+    """Limits of the events used for a ball of this speed in px/ms."""
     speed = max(speed, 0.05)
     history = min(max(reach.motion_px / speed, reach.history_min_ms), reach.history_max_ms)
     guard = min(max(0.8 / speed, 0.3), 4.0, 0.4 * history)
@@ -186,7 +186,7 @@ def _judge(work, found, inside, residual, span):
 def start_from_place(
     recent: Recent, box: NDArray[np.float64], end_us: int, span_us: int, estimate: NDArray[np.float64]
 ) -> bool:
-    """A first estimate from the events in a box (u, v, width, height): how they drift, and how far they are apart."""
+    """First estimate from the events in a box (u, v, width, height): from their drift and their spread."""
     u, v = box[0], box[1]
     half_u, half_v = 0.5 * box[2] + 2.0, 0.5 * box[3] + 2.0
     begin = np.searchsorted(recent.t_us, end_us - span_us)

@@ -24,33 +24,33 @@ everywhere here. The leading edge is where the ball will be after the stretch, t
 
 
 class EdgePoints(NamedTuple):
-    """Room for edge points; the first `count` are in use."""
+    """Arrays of edge points; the first `count` are in use."""
 
     u: NDArray[np.float64]
     v: NDArray[np.float64]
     ms: NDArray[np.float64]
-    """Before the end of the window: negative."""
+    """Time relative to the end of the window, negative."""
     events: NDArray[np.float64]
-    """Of the pixel in the time looked at: the higher the edge's contrast, the more."""
+    """(N,) events of the pixel in the interval used: more at an edge of higher contrast."""
     lead: NDArray[np.float64]
     """1: the leading edge made the pixel brighter, -1: darker, 0: trailing edge."""
     weight: NDArray[np.float64]
-    """Of the last iteration."""
+    """(N,) weights of the last iteration."""
 
 
 class Fit(NamedTuple):
-    """What a fit works in: the estimate and what is known beforehand."""
+    """Working arrays of a fit: the estimate and its prior."""
 
     estimate: NDArray[np.float64]
-    """(6,) where the iteration starts and ends."""
+    """(6,) estimate, start and result of the iteration."""
     prior: NDArray[np.float64]
     """(6,) expected values."""
     information: NDArray[np.float64]
     """(6,) 1/sigma^2 of each; 0: nothing is known."""
     bend: NDArray[np.float64]
-    """(2,) acceleration u and v [px/ms^2], taken as known."""
+    """(2,) known acceleration u and v [px/ms^2]."""
     normal: NDArray[np.float64]
-    """(6, 6) at the end the matrix of the last iteration, prior included."""
+    """(6, 6) normal matrix of the last iteration, with the prior."""
 
 
 @njit

@@ -1,4 +1,4 @@
-"""The refined detector: searches, follows what could be a ball, and answers once one of them has proved to be one."""
+"""The refined detector: searches, tracks candidates, and answers once a track is confirmed as a ball."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from core.events import SensorSize, Window
 
 USUAL_RESIDUAL_PX: Final = 0.15
 USUAL: Final = 0.5
-"""Of the fit's own variance there: points are better than the spread that weights them, but err alike."""
+"""Share of the fit's own variance that is usual: points are better than their spread says, but err alike."""
 SHADE: Final = (0.004, 0.01)
-"""Across and down the picture, shares of the radius: light from above leaves the lower rim pale."""
+"""Systematic error across and down the picture, in radii: light from above leaves the lower rim pale."""
 
 
 def observed_covariance(fitted: NDArray[np.float64], ball: MovingCircle, quality: Quality) -> NDArray[np.float64]:
@@ -41,64 +41,65 @@ def observed_covariance(fitted: NDArray[np.float64], ball: MovingCircle, quality
 
 MAX_TRACKS: Final = 6
 MAX_TRIALS: Final = 4
-"""Blobs that are fitted after one window."""
+"""Most blobs fitted per window."""
 SEARCH_EVERY: Final = (1, 2, 4)
-"""Windows between two looks at the blobs of each span of the search."""
+"""Windows between two evaluations of each time span of the search."""
 CATCH_UP_US: Final = 6000
-"""While a ball is followed the search takes no events; when it is lost, it catches up on the latest."""
+"""Length of the newest events that the search reads when a ball is lost; while one is tracked it reads none."""
 FIRST_STRETCH_MS: Final = (0.6, 0.4)
-"""Expected of a sensor of which nothing is known yet, and the spread of that."""
+"""Prior edge latency of an unknown sensor, and its standard deviation."""
 STRETCH_SPREAD_MS: Final = 0.1
-"""From fit to fit, and of a new ball before a known sensor."""
+"""Standard deviation of the edge latency from fit to fit, and of a new ball with a known sensor."""
 STRETCH_GAIN: Final = 0.02
-"""Weight of a confirmed fit in what is known of the sensor."""
+"""Weight of a confirmed fit in the running mean of the sensor's edge latency."""
 FULL_WEIGHT_PX_PER_MS: Final = 1.5
-"""Slower balls tell less of it."""
+"""Speed from which a fit has full weight there."""
 BAND_PX: Final = 2.5
-"""Edge points of a track lie within so much of the expected rim."""
+"""Width of the band around the predicted rim that holds a track's edge points."""
 UNCONFIRMED_LOOSE: Final = 2.5
-"""The prediction of what is not confirmed counts less: its first fit may have been of half a ball."""
+"""Factor on the prior's spread of an unconfirmed track: its first fit may have been of half a ball."""
 UNSEEN_MS: Final = 2.5
-"""A ball not seen for longer is searched."""
+"""A ball unseen for longer is searched again."""
 BORDER_PX: Final = 0.5
-"""A ball whose centre is nearer to the sensor's border may have left already."""
+"""A ball with its centre nearer to the sensor's border may have left the picture."""
 PATIENCE_US: Final = 3000
-"""What is no ball yet is forgotten after so long without a fit."""
+"""An unconfirmed track is dropped after this long without a fit."""
 BOUNCE_RESTITUTION_GUESSES: Final = (-0.85, -0.4, 0.0)
-"""Of the image's vertical speed, tried where a ball is not where it was expected."""
+"""Factors on the image's vertical speed that are tried when a ball is not where it was expected."""
 AFTER_BOUNCE: Final = (2.5, 0.4, 0.6, 0.3)
-"""Spreads of place [px], speed along u and along v [px/ms], radius [px] then."""
+"""Standard deviations after a bounce: position [px], speed along u and along v [px/ms], radius [px]."""
 BRIEF: Final = Reach(3.5, 1.2, 3.0)
-"""How far a fit looks back after a bounce."""
+"""History of a fit after a bounce."""
 RIVAL_CONTRAST_RATIO: Final = 1.15
-"""A rival whose edge has so many times the events is the ball of which we follow the shadow."""
+"""A rival track with this many times the edge events is the ball; the tracked one is its shadow."""
 
 
 @dataclass(frozen=True, slots=True)
 class RefinedDetection(Detection):
-    """A ball with how it moves and how sure that is."""
+    """A ball with its velocity and covariance."""
 
     vu_px_per_ms: float
     vv_px_per_ms: float
     stretch_ms: float
-    """Half of what the trailing edge lags behind the leading one, see `circle_fit`."""
+    """Half the lag of the trailing edge behind the leading edge, ms, see `circle_fit`."""
     covariance: NDArray[np.float64] = field(compare=False)
-    """(5, 5) of u, v [px], velocity u, v [px/ms], radius [px]; what is not known of the sensor's delay comes beside."""
+    """(5, 5) covariance of u, v [px], velocity u, v [px/ms], radius [px], without the uncertainty of the sensor's
+    delay."""
     fit: Quality
 
     @property
     def velocity_px_per_ms(self) -> tuple[float, float]:
-        """Along u and v."""
+        """Velocity along u and v, px/ms."""
         return self.vu_px_per_ms, self.vv_px_per_ms
 
     @property
     def centre_covariance_px2(self) -> NDArray[np.float64]:
-        """(2, 2)."""
+        """(2, 2) covariance of the centre, px^2."""
         return self.covariance[:2, :2]
 
 
 class RefinedDetector:
-    """Follows at most one ball that is confirmed, and while there is none a few things that could be one."""
+    """Tracks at most one confirmed ball, and without one a few candidates."""
 
     def __init__(self, config: RefinedConfig, sensor: SensorSize) -> None:
         self.config = config
@@ -122,7 +123,7 @@ class RefinedDetector:
 
     @property
     def extra_circles(self) -> int:
-        """This method knows one ball only."""
+        """Always 0: this method finds one ball only."""
         return 0
 
     def step(self, window: Window) -> RefinedDetection | None:
@@ -141,7 +142,7 @@ class RefinedDetector:
         if ball is None or end_us - ball.end_us > 1e3 * UNSEEN_MS:
             self._search(end_us)
         elif ball.brighter < 0.0 and self._windows % SEARCH_EVERY[-1] == 0:
-            self._search(end_us)  # it may be a shadow: of what?
+            self._search(end_us)  # it may be the shadow of a ball nearby
         ball = self._choose(end_us)
         if ball is None or ball.end_us != end_us:
             return None
@@ -160,11 +161,11 @@ class RefinedDetector:
         return next((track for track in self.tracks if track.confirmed), None)
 
     def _tidy(self, end_us: int) -> None:
-        """Drop what is not seen any more, what is no ball, and what is followed twice (the older one stays)."""
+        """Drop tracks that are lost, rejected, or duplicates (the older one stays)."""
         kept: list[BallTrack] = []
         for track in self.tracks:
             patience_us = self.config.coast_us if track.confirmed else PATIENCE_US
-            if end_us - track.end_us > patience_us or track.given_up:
+            if end_us - track.end_us > patience_us or track.is_terminated:
                 continue
             if any(_apart_px(one.ball, track.ball) < 0.5 * one.ball.r for one in kept):
                 continue
@@ -216,14 +217,14 @@ class RefinedDetector:
         return True
 
     def _fit(self, end_us: int, reach: Reach, band_px: float, rounds: int) -> tuple[MovingCircle, Quality] | None:
-        """Fit from what is in `self._work.fit`; None for what can be no ball."""
+        """Fit from the start in `self._work.fit`; None if it cannot be a ball."""
         if not fit_ball(self._recent, self._work, end_us, reach, band_px, rounds):
             return None
         ball, quality = MovingCircle(*self._work.fit.estimate.tolist()), Quality(*self._work.quality.tolist())
         return (ball, quality) if passes(ball, quality, self.config) and self._on_sensor(ball) else None
 
     def _search(self, end_us: int) -> None:
-        """Look for something new, and make a track of what can be a ball."""
+        """Search for new blobs, and start tracks of possible balls."""
         take_events(self._recent, max(self._mapped_us, end_us - CATCH_UP_US), self._maps)
         self._mapped_us = end_us
         found = 0
@@ -236,7 +237,7 @@ class RefinedDetector:
         for turn in range(found):
             if len(self.tracks) >= MAX_TRACKS or trials >= MAX_TRIALS:
                 break
-            blob = (self._windows * MAX_TRIALS + turn) % found  # where there are many, each has its turn
+            blob = (self._windows * MAX_TRIALS + turn) % found  # many blobs are examined in turns
             box = self._blobs.boxes[blob]
             if not any(_covers(track, box, end_us) for track in self.tracks):
                 trials += 1
@@ -266,12 +267,12 @@ class RefinedDetector:
         self.tracks.append(BallTrack(end_us, ball, self._work.covariance.copy(), quality))
 
     def _choose(self, end_us: int) -> BallTrack | None:
-        """The confirmed track; else the best of those that have proved to be a ball, and it alone goes on."""
+        """The confirmed track; else the best newly confirmed one, which alone continues."""
         ball = self._confirmed()
         ready = [
             track
             for track in self.tracks
-            if track.end_us == end_us and not track.confirmed and track.proved(self.config, self._brighter)
+            if track.end_us == end_us and not track.confirmed and track.is_confirmed_by(self.config, self._brighter)
         ]
         if ball is not None and ball.end_us == end_us:
             ready = [rival for rival in ready if rival.quality.contrast > RIVAL_CONTRAST_RATIO * ball.quality.contrast]
@@ -293,7 +294,7 @@ def _apart_px(one: MovingCircle, other: MovingCircle) -> float:
 
 
 def _covers(track: BallTrack, box: NDArray[np.float64], end_us: int) -> bool:
-    """Whether a box (u, v, width, height) holds what is followed already."""
+    """Whether a box (u, v, width, height) contains a track."""
     if track.end_us != end_us:
         return False
     ball, (u, v, width, height) = track.ball, box.tolist()

@@ -1,4 +1,4 @@
-"""The events of the last milliseconds in one contiguous piece, so that any fit can look back as far as it needs."""
+"""Events of the last milliseconds in contiguous arrays, for fits of any history length."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ ROOM: Final = 1 << 17
 
 
 class Recent(NamedTuple):
-    """Columns of the events that are kept, oldest first, inside the compiled code."""
+    """Columns of the stored events, oldest first, for compiled code."""
 
     t_us: NDArray[np.int64]
     x_px: NDArray[np.uint16]
@@ -22,7 +22,7 @@ class Recent(NamedTuple):
 
 
 class EventHistory:
-    """Keeps `span_us` of events. A window is copied once; old events are moved out when the room is full."""
+    """Stores `span_us` of events. A window is copied once; old events are dropped when the arrays are full."""
 
     def __init__(self, span_us: int) -> None:
         self.span_us = span_us
@@ -30,7 +30,7 @@ class EventHistory:
         self._first = self._end = 0
 
     def append(self, events: Events, end_us: int) -> None:
-        """Take a window that ends at `end_us`."""
+        """Append a window that ends at `end_us`."""
         count = len(events)
         self._first += int(np.searchsorted(self._columns.t_us[self._first : self._end], end_us - self.span_us))
         if self._end + count > len(self._columns.t_us):
@@ -42,12 +42,12 @@ class EventHistory:
 
     @property
     def recent(self) -> Recent:
-        """What is kept."""
+        """The stored events."""
         where, kept = slice(self._first, self._end), self._columns
         return Recent(kept.t_us[where], kept.x_px[where], kept.y_px[where], kept.on[where])
 
     def _move(self, count: int) -> None:
-        """Make room for more: at the front, or in larger columns."""
+        """Free capacity: drop old events, or allocate larger columns."""
         kept, old = self.recent, self._columns
         wanted = len(kept.t_us) + count
         if 2 * wanted > len(old.t_us):

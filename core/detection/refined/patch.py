@@ -1,4 +1,4 @@
-"""The pixels round an expected ball: when each was first and last touched, and the edge points that follow from it."""
+"""Pixels around a predicted ball: first and last event of each, and the edge points derived from them."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from core.detection.refined.history import Recent
 from core.jit import njit
 
 HALF: Final = 80
-"""The patch reaches so many pixels from its middle: the largest ball, its motion and what is beside it."""
+"""Half size of the patch, px: the largest ball, its motion and a margin."""
 SIDE: Final = 2 * HALF + 1
 MAX_POINTS: Final = 1200
-"""Edge points of one fit; later ones are left out."""
+"""Most edge points of one fit; later ones are ignored."""
 
 
 class Patch(NamedTuple):
@@ -26,15 +26,15 @@ class Patch(NamedTuple):
     """(SIDE + 2, SIDE + 2), with a border that stays empty."""
     last: NDArray[np.int32]
     events: NDArray[np.int32]
-    """How many each pixel had."""
+    """Number of events of each pixel."""
     brighter: NDArray[np.bool_]
-    """Whether its first one was ON."""
+    """Whether each pixel's first event was ON."""
     touched: NDArray[np.int32]
-    """Flat places of the pixels with events, in order of their first one."""
+    """Flat indices of the pixels with events, in order of their first event."""
 
 
 class MovingCircle(NamedTuple):
-    """Where a ball is expected at the end of the window: px, px/ms, stretch in ms, px/ms^2 (see `circle_fit`)."""
+    """Predicted ball at the end of the window: px, px/ms, edge latency in ms, px/ms^2 (see `circle_fit`)."""
 
     u: float
     v: float
@@ -46,13 +46,13 @@ class MovingCircle(NamedTuple):
     av: float = 0.0
 
     def at(self, ms: float) -> MovingCircle:
-        """So much later."""
+        """The circle this much later."""
         u, v = self.u + ms * (self.vu + 0.5 * ms * self.au), self.v + ms * (self.vv + 0.5 * ms * self.av)
         return self._replace(u=u, v=v, vu=self.vu + ms * self.au, vv=self.vv + ms * self.av)
 
 
 class LookBack(NamedTuple):
-    """Which events count, in milliseconds before the end of the window."""
+    """Time limits of the events used, in ms before the end of the window."""
 
     end_us: int
     gather_ms: float
@@ -64,7 +64,7 @@ class LookBack(NamedTuple):
 
 
 def blank_patch() -> Patch:
-    """Room for one patch, empty."""
+    """An empty patch."""
     side = SIDE + 2
     first, last, events = np.zeros((3, side, side), np.int32)
     return Patch(first, last, events, np.zeros((side, side), np.bool_), np.zeros(side * side, np.int32))
@@ -102,7 +102,7 @@ def fill_patch(recent: Recent, patch: Patch, u: float, v: float, reach_px: int, 
 
 @njit
 def clear_patch(patch: Patch, count: int) -> None:
-    """Empty the pixels that were touched."""
+    """Clear the touched pixels."""
     for k in range(count):
         row, column = divmod(patch.touched[k], SIDE + 2)
         patch.first[row, column] = 0

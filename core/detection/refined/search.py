@@ -1,4 +1,4 @@
-"""Where something new moves: pixels that survive an opening over several spans of time, joined to blobs of cells.
+"""Search for moving objects: pixels that survive an opening over several time spans, joined to blobs of cells.
 
 A ball whose edge sweeps three pixels or more leaves crescents that survive; fast ones in the shortest span, slow ones
 in the longest. Only pixels with new events are tested, against a map of the last event of every pixel.
@@ -16,7 +16,7 @@ from core.events import SensorSize
 from core.jit import njit
 
 SPANS_US: Final = np.array([1500, 5000, 16_000], np.int64)
-"""How long a pixel counts as set."""
+"""Time spans for which a pixel counts as set."""
 CELL_BITS: Final = 2
 """A cell is 4 x 4 pixels."""
 MAX_BLOBS: Final = 64
@@ -24,14 +24,14 @@ LONG_AGO_US: Final = -(1 << 60)
 
 
 class Maps(NamedTuple):
-    """What the search remembers of every pixel and cell."""
+    """State of the search for every pixel and cell."""
 
     last_us: NDArray[np.int64]
     """(height + 2, width + 2) last event of each pixel, with a border."""
     cells_us: NDArray[np.int64]
     """(spans, rows + 2, columns + 2) when a pixel of the cell last survived."""
     visited: NDArray[np.int32]
-    """(rows + 2, columns + 2) number of the flood that was there."""
+    """(rows + 2, columns + 2) number of the last flood fill that visited the cell."""
     stack: NDArray[np.int32]
 
 
@@ -45,7 +45,7 @@ class Blobs(NamedTuple):
 
 
 def blank_maps(sensor: SensorSize) -> Maps:
-    """Nothing seen yet."""
+    """Empty maps."""
     rows, columns = (sensor.height_px >> CELL_BITS) + 3, (sensor.width_px >> CELL_BITS) + 3
     return Maps(
         np.full((sensor.height_px + 2, sensor.width_px + 2), LONG_AGO_US, np.int64),
@@ -56,13 +56,13 @@ def blank_maps(sensor: SensorSize) -> Maps:
 
 
 def blank_blobs() -> Blobs:
-    """Room for what one search finds."""
+    """Arrays for the blobs of one search."""
     return Blobs(np.zeros((MAX_BLOBS, 4)), np.zeros(MAX_BLOBS, np.int64))
 
 
 @njit
 def take_events(recent: Recent, since_us: int, maps: Maps) -> None:
-    """Enter the events since then into the maps."""
+    """Update the maps with new events."""
     last_us, cells_us = maps.last_us, maps.cells_us
     begin = np.searchsorted(recent.t_us, since_us)
     for k in range(begin, len(recent.t_us)):

@@ -1,4 +1,4 @@
-"""A sensor's delay from balls alone, without any truth: the slower it is, the more their trailing edges lag."""
+"""Estimate of a sensor's delay from detected balls, without truth: a slower sensor has later trailing edges."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ import numpy as np
 from core.detection.refined.detector import RefinedDetection
 
 OF_STRETCH: Final = (1.09, -0.135)
-"""Delay [ms] by the median stretch [ms]: a line through 43 recordings of drawn scenes with 22 sensors, whose delays are
-0.08 to 0.88 ms."""
+"""Delay [ms] as a function of the median edge latency [ms]: a line through 43 recordings of drawn scenes with 22
+sensors, whose delays are 0.08 to 0.88 ms."""
 LEFT_US: Final = 75
 """Standard deviation of the delays about that line. Within a flight the stretch changes with the light on the ball, so
 this is for the median of whole flights."""
 FEWEST: Final = 200
 MIN_PX_PER_MS: Final = 1.0
-"""A slower ball's edges tell nothing."""
+"""Slowest ball that is used."""
 
 
 class DelayEstimate(NamedTuple):
-    """For `refined.delay_us`."""
+    """An estimate for `refined.delay_us`."""
 
     delay_us: int
     sigma_us: int
 
 
 def estimate_delay(detections: Sequence[RefinedDetection]) -> DelayEstimate | None:
-    """The delay of the sensor that these balls were seen by; None where too few of them moved."""
+    """Delay of the sensor that detected these balls; None if too few of them moved."""
     telling = [one.stretch_ms for one in detections if math.hypot(*one.velocity_px_per_ms) >= MIN_PX_PER_MS]
     if len(telling) < FEWEST:
         return None

@@ -1,4 +1,4 @@
-"""What could be a ball: where it is, how it moves, and how much speaks for it."""
+"""Track of a possible ball: position, motion, and evidence."""
 
 from __future__ import annotations
 
@@ -17,43 +17,43 @@ MIN_STRETCH_MS: Final = -0.2
 MAX_STRETCH_MS: Final = 2.5
 MIN_FRESH: Final = 0.06
 REMEMBERED: Final = 0.92
-"""Share of the evidence that is left with the next fit: what is merely not bad never adds up to a ball."""
+"""Share of the evidence kept at the next fit, so that mediocre fits never confirm a ball."""
 GIVEN_UP: Final = -3.0
 CONFIRMED_GIVEN_UP: Final = -5.0
 FRESH: Final = 0.25
-"""Weight of the newest fit in the means."""
+"""Weight of the newest fit in the running means."""
 FAST_PER_MS: Final = 0.12
-"""Of its own radii: 2.4 m/s for a ball."""
+"""Fast: this many of its own radii per ms, 2.4 m/s for a ball."""
 SHARPEST_CURVE_PX: Final = 60.0
 FALL_PX_PER_MS2: Final = 0.006
-"""Gravity, in the picture of a near camera."""
+"""Gravity in the picture of a near camera, px/ms^2."""
 MIN_BEND_MS: Final = 2.0
 BEND_PX: Final = 3.5
-"""Accelerations are means over about the time in which the ball moves so far, and the least time."""
+"""Accelerations are averaged over the time in which the ball moves this far, with a minimum time."""
 BOTH_EDGES: Final = 0.55
-"""A ball shows so much of both its edges; a limb that swings about often one alone."""
+"""Smallest coverage of both edges; a moving limb often shows only one."""
 ALL_ROUND: Final = 0.5
-"""And is brighter than its ground nearly all round, or darker."""
+"""Smallest share of one polarity around the edge: brighter, or darker, than its background nearly all round."""
 STEADY_FITS: Final = 4
 STEADY_RADIUS: Final = 0.1
-"""The radii of so many fits lie within that share: a ball that comes out from behind something grows."""
+"""Number of fits, and the share within which their radii must lie: a ball emerging from an occlusion grows."""
 SAME_RADIUS: Final = 0.2
-"""A confirmed ball's radius changes by less than that share from one fit to the next."""
+"""Largest relative change of a confirmed ball's radius from fit to fit."""
 
 
 @dataclass(slots=True)
 class BallTrack:
-    """Something round that moves."""
+    """A moving round object."""
 
     end_us: int
-    """The estimate is for this end of a window."""
+    """End of the window that the estimate is for."""
     ball: MovingCircle
     covariance: NDArray[np.float64]
-    """(6, 6) of the ball's fields, by the fit's own account."""
+    """(6, 6) covariance of the ball's fields as reported by the fit."""
     quality: Quality
-    """Of the last fit."""
-    born: MovingCircle = field(init=False)
-    born_us: int = field(init=False)
+    """Quality of the last fit."""
+    initial: MovingCircle = field(init=False)
+    initial_us: int = field(init=False)
     fits: int = 1
     confirmed: bool = False
     evidence: float = 0.0
@@ -63,19 +63,19 @@ class BallTrack:
     coverage: float = field(init=False)
     radii_px: tuple[float, ...] = ()
     bend: tuple[float, float] = (0.0, 0.0)
-    """Acceleration u and v in px/ms^2, by how the fits' velocities change."""
+    """Acceleration u and v in px/ms^2, from the change of the fits' velocities."""
 
     def __post_init__(self) -> None:
-        self.born, self.born_us = self.ball, self.end_us
+        self.initial, self.initial_us = self.ball, self.end_us
         self.brighter, self.contrast = self.quality.brighter, self.quality.contrast
         self.coverage = self.quality.coverage
 
     def at(self, end_us: int) -> MovingCircle:
-        """The ball at another time."""
+        """Predicted ball at another time."""
         return self.ball._replace(au=self.bend[0], av=self.bend[1]).at(1e-3 * (end_us - self.end_us))
 
     def _bend_with(self, ball: MovingCircle, ms: float) -> tuple[float, float]:
-        """Mean acceleration, by the velocities of the fits and over about the history of one."""
+        """Running mean of the acceleration, from the velocities of the fits."""
         speed2 = ball.vu**2 + ball.vv**2
         most = max(FALL_PX_PER_MS2, speed2 / SHARPEST_CURVE_PX)
         gain = ms / (ms + MIN_BEND_MS + BEND_PX / max(math.sqrt(speed2), 0.1))
@@ -84,7 +84,7 @@ class BallTrack:
         return au, av
 
     def take(self, end_us: int, ball: MovingCircle, covariance: NDArray[np.float64], quality: Quality) -> None:
-        """Go on with a new fit."""
+        """Update the track with a new fit."""
         self.bend = self._bend_with(ball, 1e-3 * (end_us - self.end_us))
         self.end_us, self.ball, self.covariance, self.quality = end_us, ball, covariance, quality
         self.fits += 1
@@ -95,27 +95,27 @@ class BallTrack:
         self.radii_px = (*self.radii_px[1 - STEADY_FITS :], ball.r)
 
     @property
-    def given_up(self) -> bool:
-        """Whether too much speaks against it."""
+    def is_terminated(self) -> bool:
+        """Whether the evidence against it is too strong."""
         return self.evidence <= (CONFIRMED_GIVEN_UP if self.confirmed else GIVEN_UP)
 
     def fits_in(self, ball: MovingCircle, quality: Quality) -> bool:
-        """Whether a fit is of the same ball: as large, as bright and as strong."""
+        """Whether a fit is of the same ball: similar size, brightness and contrast."""
         return (
             abs(ball.r - self.ball.r) <= SAME_RADIUS * self.ball.r
             and quality.brighter * self.brighter >= -0.3
             and quality.contrast >= 0.5 * self.contrast
         )
 
-    def proved(self, config: RefinedConfig, brighter: float) -> bool:
+    def is_confirmed_by(self, config: RefinedConfig, brighter: float) -> bool:
         """Whether it has earned the name of a ball, where the last one was brighter (> 0) or darker than its ground.
 
         Something dark needs three times the evidence, since a ball's shadow is dark; something bright and fast half of
         it, since people are not; of another kind than the last, more fits.
         """
         ball = self.ball
-        moved_px = math.hypot(ball.u - self.born.u, ball.v - self.born.v)
-        lived_ms = 1e-3 * (self.end_us - self.born_us)
+        moved_px = math.hypot(ball.u - self.initial.u, ball.v - self.initial.v)
+        lived_ms = 1e-3 * (self.end_us - self.initial_us)
         pace_per_ms = min(moved_px / max(lived_ms, 1.0), math.hypot(ball.vu, ball.vv)) / ball.r  # first fits are rough
         doubt = 3.0 if self.brighter <= 0.0 else 0.5 if pace_per_ms > FAST_PER_MS else 1.0
         return (
@@ -130,7 +130,7 @@ class BallTrack:
 
 
 def evidence_of(quality: Quality) -> float:
-    """How much a fit speaks for a ball: about +1 for a clean one, below 0 for most that are none.
+    """Evidence of a fit for a ball: about +1 for a clean ball, below 0 for most other objects.
 
     Light and dark on the ball itself weigh as much as its edge where that is pale; there the inside counts less.
     """
@@ -142,7 +142,7 @@ def evidence_of(quality: Quality) -> float:
 
 
 def passes(ball: MovingCircle, quality: Quality, config: RefinedConfig) -> bool:
-    """Whether a single fit can be a ball at all."""
+    """Whether a single fit passes the limits of a ball."""
     lead, trail = quality.coverage_lead, quality.coverage_trail
     return (
         MIN_STRETCH_MS <= ball.stretch <= MAX_STRETCH_MS

@@ -14,19 +14,19 @@ from core.events import Events
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClusterConfig:
-    """What belongs together, and how large it may be."""
+    """Distance and size limits of clusters."""
 
     eps_px: float = setting(3.0, 1.0, 12.0, step=0.5)
     """Events within this distance are neighbours."""
     min_samples: int = setting(6, 1, 50)
-    """Neighbours, itself counted, that make an event the core of a cluster. After denoising 4 to 10 give the same."""
+    """Neighbours, itself included, that make an event the core of a cluster. After denoising 4 to 10 give the same."""
     time_scale_px_per_ms: float = setting(0.0, 0.0, 20.0, step=0.5)
     """Pixels that one millisecond counts as in the distance; 0 leaves time out."""
     size_min: int = setting(40, 1, 2000)
-    """Events of the smallest cluster that is looked at. Simulated balls lose nothing by 40; a recording of a person
+    """Events of the smallest cluster that is used. Simulated balls lose nothing by 40; a recording of a person
     without a ball has no answer at 40 and a few at 25."""
     size_max: int = setting(6000, 10, 200_000, step=100)
-    """Events of the largest cluster that is looked at."""
+    """Events of the largest cluster that is used."""
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -39,7 +39,7 @@ class ClusterConfig:
 
 def cluster_labels(events: Events, config: ClusterConfig) -> NDArray[np.int32]:
     """(N,) number of each event's cluster, from 0; -1 for noise (paper, clustering; scikit-learn's numbering)."""
-    from sklearn.cluster import DBSCAN  # here, because loading it takes two seconds and the fast path does without
+    from sklearn.cluster import DBSCAN  # imported here: it takes two seconds, and the fast path does not need it
 
     if not len(events):
         return np.zeros(0, np.int32)
@@ -56,7 +56,7 @@ def scaled_time(t_us: NDArray[np.int64], time_scale_px_per_ms: float) -> NDArray
 
 
 def reject_size(size: int, config: ClusterConfig) -> str | None:
-    """Why a cluster of this many events is not looked at, or None."""
+    """Why a cluster of this many events is rejected, or None."""
     if size < config.size_min:
         return f"{size} events < {config.size_min}"
     if size > config.size_max:

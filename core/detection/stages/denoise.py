@@ -15,7 +15,7 @@ from core.events import Events
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DenoiseConfig:
-    """How thick a structure must be to stay."""
+    """Thickness of the structures that are kept."""
 
     kernel_px: int = setting(3, 1, 9, step=2)
     """Diameter of the elliptical kernel, odd; 1 keeps everything. 3 removes single pixels and lines, and with them

@@ -1,4 +1,4 @@
-"""Optional stage: drop the events of pixels that blink in the rhythm of the lighting.
+"""Optional stage: drop the events of pixels that flicker at the frequency of the lighting.
 
 Lamps on the mains brighten and darken 100 or 120 times a second. A pixel that sees one rises (first ON after an OFF)
 once a period; several rises in a row at such a spacing are flicker, a passing ball gives one.
@@ -20,14 +20,14 @@ from core.jit import njit
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlickerConfig:
-    """Which rhythm counts as flicker."""
+    """Frequencies that count as flicker."""
 
     enabled: bool = False
-    """Drop the events of pixels that blink with the lighting. Off in the paper."""
+    """Drop the events of pixels that flicker with the lighting. Off in the paper."""
     frequency_min_hz: float = setting(80.0, 10.0, 500.0, step=5.0)
-    """Slowest rhythm: 50 Hz mains give 100 Hz, 60 Hz mains 120 Hz."""
+    """Lowest frequency: 50 Hz mains give 100 Hz, 60 Hz mains 120 Hz."""
     frequency_max_hz: float = setting(260.0, 20.0, 2000.0, step=10.0)
-    """Fastest rhythm; above twice the mains' own because many lamps show the first harmonic."""
+    """Highest frequency; above twice the mains' own because many lamps show the first harmonic."""
     cycles_min: int = setting(3, 1, 20)
     """Periods in a row before a pixel's events are dropped."""
 
@@ -43,17 +43,17 @@ class FlickerConfig:
 
 
 class FlickerMemory(NamedTuple):
-    """What is remembered of each pixel, (height, width) each."""
+    """State of each pixel, (height, width) each."""
 
     risen_us: NDArray[np.int64]
     """Time of the last rise."""
     was_on: NDArray[np.bool_]
     cycles: NDArray[np.int32]
-    """Periods in a row that fitted."""
+    """Consecutive periods in range."""
 
     @staticmethod
     def blank(sensor: SensorSize) -> FlickerMemory:
-        """A memory that has seen nothing yet."""
+        """Empty state."""
         shape = (sensor.height_px, sensor.width_px)
         long_ago = np.full(shape, np.iinfo(np.int64).min // 2, np.int64)
         return FlickerMemory(long_ago, np.zeros(shape, np.bool_), np.zeros(shape, np.int32))

@@ -13,7 +13,7 @@ from core.config import check_settings, setting
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GeometryConfig:
-    """How round a ball has to look."""
+    """Shape limits of a ball."""
 
     circularity_min: float = setting(0.65, 0.0, 1.0, step=0.01)
     """4 pi area / perimeter^2 of the convex hull: 1 for a disc, 0.79 for a square, 0.75 for half a disc. At 2 ms a
@@ -29,7 +29,7 @@ class GeometryConfig:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shape:
-    """The hull of a set of pixels and what the thresholds look at."""
+    """Convex hull of a set of pixels, with the measures that are compared with the thresholds."""
 
     hull_px: NDArray[np.float64]
     """(K, 2) corners in order."""
@@ -53,7 +53,7 @@ def measure_shape(xy_px: NDArray[np.int32]) -> Shape:
 
 
 def reject_shape(shape: Shape, config: GeometryConfig) -> str | None:
-    """Why this shape is no ball, or None."""
+    """Why this shape is rejected, or None."""
     if shape.circularity < config.circularity_min:
         return f"circularity {shape.circularity:.2f} < {config.circularity_min:.2f}"
     if shape.solidity < config.solidity_min:

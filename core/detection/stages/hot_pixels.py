@@ -1,4 +1,4 @@
-"""Optional stage: drop the events of pixels that fire all the time.
+"""Optional stage: drop the events of pixels that fire continuously.
 
 A defective pixel fires at a steady high rate; the edge of a ball passes a pixel within a few milliseconds. Time is cut
 into ticks; a pixel's score goes up by one for a tick in which it fired and down by one for a tick in which it was
@@ -26,7 +26,7 @@ class HotPixelConfig:
     tick_ms: float = setting(4.0, 0.5, 20.0, step=0.5)
     """A pixel is suspected when it fires in more than half of the ticks: 4 ms catches about 175 events per second."""
     persistence_ms: float = setting(60.0, 10.0, 1000.0, step=10.0)
-    """How long it must have kept that up. The slowest ball edge (0.2 px/ms) passes a pixel in less than 20 ms."""
+    """How long it must have fired like that. The slowest ball edge (0.2 px/ms) passes a pixel in less than 20 ms."""
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -34,14 +34,14 @@ class HotPixelConfig:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HotPixelMemory:
-    """What is remembered of each pixel, (height, width) each."""
+    """State of each pixel, (height, width) each."""
 
     last_tick: NDArray[np.int64]
     score: NDArray[np.int32]
 
     @staticmethod
     def blank(sensor: SensorSize) -> HotPixelMemory:
-        """A memory that has seen nothing yet."""
+        """Empty state."""
         shape = (sensor.height_px, sensor.width_px)
         return HotPixelMemory(np.full(shape, np.iinfo(np.int32).min, np.int64), np.zeros(shape, np.int32))
 

@@ -13,12 +13,12 @@ from core.config import check_settings, setting
 from core.errors import ConfigError
 
 TOLERANCE_PX: Final = 1e-3
-"""Of a radius against its limits: OpenCV's circle is up to 2e-4 px too large, and round radii are common."""
+"""Tolerance of the radius limits: OpenCV's circle is up to 2e-4 px too large, and round radii are common."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LocaliseConfig:
-    """Which sizes a ball can have in the picture."""
+    """Size limits of a ball in the picture."""
 
     radius_min_px: float = setting(4.0, 1.0, 100.0, step=0.5)
     """A table-tennis ball at the far end of the table, seen with a focal length of 1000 px: about 5 px."""
@@ -52,7 +52,7 @@ def enclosing_circle(xy_px: NDArray[np.float64]) -> Circle:
 
 
 def reject_circle(circle: Circle, config: LocaliseConfig) -> str | None:
-    """Why this circle is no ball, or None."""
+    """Why this circle is rejected, or None."""
     if circle.r_px < config.radius_min_px - TOLERANCE_PX:
         return f"radius {circle.r_px:.1f} px < {config.radius_min_px:.1f}"
     if circle.r_px > config.radius_max_px + TOLERANCE_PX:

@@ -18,7 +18,7 @@ from core.config import check_settings, setting
 from core.events import Events
 
 MIN_EVENTS: Final = 8
-"""Fewer events of one polarity say nothing about their motion."""
+"""Fewest events of one polarity for an estimate of their motion."""
 MIN_SPREAD: Final = 1e-6
 """Sums of squares below it are rounding errors: all events at one time, or no line between the polarities."""
 
@@ -30,11 +30,11 @@ class PolarityConfig:
     leading_polarity: Literal["auto", "on", "off"] = "auto"
     """on: a bright ball (the paper always). off: a dark ball. auto: decided from the data, cluster by cluster."""
     memory_ms: float = setting(40.0, 0.0, 1000.0, step=5.0)
-    """auto: for how long what earlier balls showed counts. A slow ball needs several windows to show it."""
+    """auto: time constant of the evidence from earlier balls. A slow ball needs several windows."""
     memory_limit: float = setting(30.0, 0.0, 200.0, step=1.0)
-    """auto: how strong the memory can get, so that a few clear windows can overturn it when the background changes."""
+    """auto: largest remembered evidence, so that a few clear windows can overturn it when the background changes."""
     pair_radius_px: float = setting(45.0, 2.0, 400.0, step=1.0)
-    """auto: clustered events within this distance of a cluster's centroid belong to what moves there. The two edges of
+    """auto: clustered events within this distance of a cluster's centroid belong to the same object. The two edges of
     the largest ball are often two clusters, more than its radius apart."""
     outlier_radius_px: float = setting(28.0, 2.0, 300.0, step=0.5)
     """Leading events farther than this from their centroid are dropped. Must exceed the largest ball by some pixels:
@@ -72,14 +72,14 @@ def on_evidence(around: Events) -> float:
 
 
 def on_leads(evidence: float, remembered: float, config: PolarityConfig) -> bool:
-    """Whether ON is the leading polarity of a cluster; without any evidence it is, as in the paper."""
+    """Whether ON is the leading polarity of a cluster; without evidence ON, as in the paper."""
     if config.leading_polarity == "auto":
         return remembered + evidence >= 0.0
     return config.leading_polarity == "on"
 
 
 def remember(remembered: float, evidence: float | None, window_us: int, config: PolarityConfig) -> float:
-    """The memory after a window: it fades, and the evidence of the ball that was found (None: no ball) is added."""
+    """Remembered evidence after a window: it decays, and the evidence of the detected ball (None: no ball) is added."""
     if config.memory_ms == 0.0:
         return 0.0
     faded = remembered * math.exp(-window_us / (1000.0 * config.memory_ms))

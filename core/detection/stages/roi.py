@@ -1,4 +1,4 @@
-"""Region of interest: look only where the ball was, and at the whole sensor after it has been missed for a while."""
+"""Region of interest: search around the last ball, and the whole sensor after several misses."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from core.events import Events
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoiConfig:
-    """Size and life of the region of interest."""
+    """Size and reset of the region of interest."""
 
     enabled: bool = True
     """Follow the ball with a region of interest; without it every window is searched on the whole sensor."""
@@ -30,7 +30,7 @@ class RoiConfig:
 
 @dataclass(frozen=True, slots=True)
 class Roi:
-    """A rectangle of pixels, its borders included; it may reach over the edge of the sensor."""
+    """A rectangle of pixels, borders included; it may extend beyond the sensor."""
 
     x_min: int
     x_max: int
@@ -39,7 +39,7 @@ class Roi:
 
 
 Centre = tuple[float, float]
-"""u_px, v_px of the ball that was found last."""
+"""u_px, v_px of the last detected ball."""
 
 
 def roi_around(centre_px: Centre | None, config: RoiConfig) -> Roi | None:
@@ -59,7 +59,7 @@ def inside_roi(events: Events, roi: Roi) -> NDArray[np.bool_]:
 def next_region(
     centre_px: Centre | None, misses: int, found_px: Centre | None, config: RoiConfig
 ) -> tuple[Centre | None, int]:
-    """The next window's centre and count of misses, after a window with the ball at `found_px` or without one."""
+    """Centre and count of misses for the next window, after a window with the ball at `found_px` or without one."""
     if found_px is not None:
         # Rounded because centres fall on half pixels: the last digits of a circle must not decide about a whole column.
         return (round(found_px[0], 2), round(found_px[1], 2)), 0

@@ -1,1 +1,1 @@
-"""The rival YOLOv4-tiny on the pictures of a colour camera. Its modules need torch: nothing here imports them."""
+"""YOLOv4-tiny on the pictures of a colour camera. Its modules need torch: nothing here imports them."""

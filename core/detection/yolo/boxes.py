@@ -1,4 +1,4 @@
-"""What the heads say as boxes with a confidence, and which of those that overlap stay."""
+"""Decoding of the heads' outputs to boxes with a confidence, and non-maximum suppression."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from core.detection.yolo.anchors import ANCHORS_PX, FIELDS, SCALE_XY
 from core.detection.yolo.config import STRIDES
 
 LARGEST = 4.0
-"""Most that a box may be larger than its anchor, as a logarithm: exp overflows on what an untrained head says."""
+"""Largest logarithm of a box's size over its anchor: exp overflows on an untrained head's output."""
 
 
 def split_head(raw: Tensor, scale: int) -> Tensor:

@@ -1,4 +1,4 @@
-"""Settings of the rival `yolo`, and the size of its network. Both are stored with its weights."""
+"""Settings of `yolo`, and the size of its network. Both are stored with its weights."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ class YoloConfig:
     """YOLOv4-tiny (Bochkovskiy et al. 2020, arXiv 2004.10934; the tiny one Wang et al. 2021, arXiv 2011.08036)."""
 
     input_width_px: int = setting(640, 32, 2048, step=32)
-    """Of the network's input. 1280x720 is halved for it: a ball of 6 to 20 px is one of 3 to 10 px, which a cell of 16
-    px finds. The published 416 would make 2 to 6.5 px of it, the full size takes four times as long."""
+    """Width of the network's input. 1280x720 is halved for it: a ball of 6 to 20 px is one of 3 to 10 px, which a cell
+    of 16 px finds. The published 416 would make 2 to 6.5 px of it, the full size takes four times as long."""
     input_height_px: int = setting(384, 32, 2048, step=32)
     """A picture is made smaller, never larger, until it fits, and gets grey borders."""
     width: float = setting(1.0, 0.0625, 2.0)
-    """Channels of every layer, as a share of those published."""
+    """Channels of every layer as a share of the published ones."""
     confidence: float = setting(0.5, 0.01, 0.99, step=0.01)
-    """Least confidence of a ball. Training puts here what is best on rendered pictures that it neither trains nor
-    scores with."""
+    """Smallest confidence of a ball. Training sets the best value on rendered pictures used for neither training nor
+    scores."""
     overlap: float = setting(0.3, 0.05, 0.95, step=0.05)
-    """Of two boxes that share more of their union, the less confident one goes."""
+    """Largest intersection over union of two boxes: beyond it the less confident one is dropped."""
 
     def __post_init__(self) -> None:
         check_settings(self)

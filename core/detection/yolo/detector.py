@@ -20,7 +20,7 @@ WHITE: Final = 255.0
 
 
 class YoloDetector:
-    """Looks at the picture of a window and at none of its events; a window without a picture has no ball.
+    """Detects in the picture of a window, not in its events; a window without a picture has no ball.
 
     An answer is valid in the middle of the exposure. The radius is half the side of the square of the box's area.
     Nothing is remembered from one picture to the next.
@@ -33,7 +33,7 @@ class YoloDetector:
         self.reset()
 
     def reset(self) -> None:
-        """There is nothing to forget."""
+        """Do nothing: it has no state."""
         self.extra_circles = 0
 
     def step(self, window: Window) -> Detection | None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from core.errors import RecordingError
 
 GREY: Final = 128
-"""Of the borders."""
+"""Grey level of the borders."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,9 +17,9 @@ from core.detection.yolo.anchors import ANCHORS_PX, FIELDS
 LEAK: Final = 0.1
 """Slope of the activation below zero."""
 RARE: Final = 0.01
-"""What an untrained head says of every box: most have no ball."""
+"""Initial objectness of every box: most have no ball."""
 OBJECT: Final = 4
-"""Field of a box with whether there is anything in it."""
+"""Index of the objectness in a box's fields."""
 
 
 class ConvBlock(nn.Sequential):

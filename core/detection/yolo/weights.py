@@ -20,47 +20,47 @@ from core.text.json_text import parse_json
 
 FORMAT: Final = "rallyscope-yolo-1"
 SHIPPED: Final = Path(__file__).with_name("weights.safetensors")
-"""Comes with the package, if it does."""
+"""Weights shipped with the package, if any."""
 KERNEL: Final = 4
 """Axes of a convolution's weights: all but a thousandth of the numbers."""
 MIN_RECALL: Final = 0.9
-"""On sharp pictures: with less it is no rival, since then training and not blur would decide."""
+"""Smallest recall on sharp pictures for a fair comparison: below it training, not blur, decides."""
 
 
 @dataclass(frozen=True, slots=True)
 class SharpScore:
-    """What the network does with pictures of 0.5 ms exposure that it was not trained on."""
+    """Score of the network on pictures of 0.5 ms exposure that it was not trained on."""
 
     recall: float
-    """Of the pictures with the whole ball in view, those with an answer within 8 px."""
+    """Share of the pictures with the whole ball in view that have an answer within 8 px."""
     precision: float
-    """Of the answers, those within 8 px of a ball."""
+    """Share of the answers that are within 8 px of a ball."""
     median_error_px: float
     pictures: int
-    """With the whole ball in view."""
+    """Pictures with the whole ball in view."""
     seed: int
 
     @property
     def is_rival(self) -> bool:
-        """Whether blur decides what it misses."""
+        """Whether its recall on sharp pictures is high enough for a comparison."""
         return self.recall >= MIN_RECALL
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class YoloWeights:
-    """A trained network and what it was made by."""
+    """A trained network with its training config and score."""
 
     network: YoloTiny
     """In evaluation mode."""
     config: YoloConfig
     score: SharpScore | None
-    """None of a network that nobody has scored."""
+    """Score; None if it was not measured."""
     training: dict[str, object]
     """The training's config as plain values."""
 
 
 def save_weights(path: Path, weights: YoloWeights) -> None:
-    """Write it in one step, the convolutions with half the digits: 12 MB for the published size."""
+    """Write the weights atomically, convolutions in half precision: 12 MB for the published size."""
     score = weights.score
     about = {
         "format": FORMAT,

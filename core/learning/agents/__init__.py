@@ -1,1 +1,1 @@
-"""What learns: the paper's agent, the landing model, networks, replay buffer and policies."""
+"""Agents: the paper's agent, the landing model, networks, replay buffer and policies."""

@@ -1,4 +1,4 @@
-"""What the training loop asks of an agent, whatever it learns and how."""
+"""Interface of an agent for the training loop."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ class Losses:
 
 @dataclass(frozen=True, slots=True)
 class StageProgress:
-    """How far a stage is when something is learned."""
+    """Progress of a stage at a learning step."""
 
     episode: int
-    """Of this stage, from 0."""
+    """Number of the episode in this stage, from 0."""
     share: float
-    """Of the stage that is over, 0..1."""
+    """Share of the stage that is done, 0..1."""
     weights: Weights
-    """Of the reward now."""
+    """Current weights of the reward."""
 
 
 class Agent(Protocol):
@@ -47,13 +47,13 @@ class Agent(Protocol):
         ...
 
     def policy(self) -> Policy:
-        """A copy of the policy as it is now."""
+        """Copy of the current policy."""
         ...
 
     def to_arrays(self) -> dict[str, NDArray[np.generic]]:
-        """Everything that `restore` needs to go on bit for bit."""
+        """Complete state, from which `restore` continues bit-exactly."""
         ...
 
     def restore(self, arrays: dict[str, NDArray[np.generic]]) -> None:
-        """Take the place of the agent that gave `arrays`."""
+        """Restore the state from `arrays`."""
         ...

@@ -91,7 +91,7 @@ class DdpgAgent:
         for _ in range(self._config.updates_per_episode):
             batch = self._sample(buffer, progress.weights, rng)
             losses = Losses(self._update_critics(batch), self._update_actor(batch))
-            if self._config.target == "bootstrap":  # nothing else looks at them
+            if self._config.target == "bootstrap":  # used here only
                 soft_update(self.target_actor, self.actor, self._config.tau)
                 soft_update(self.target_critics, self.critics, self._config.tau)
         return losses

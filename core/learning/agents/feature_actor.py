@@ -46,7 +46,7 @@ class FeatureActor:
         return Policy((hidden, output), "tanh", "clip", True, incoming, racket)
 
     def to_arrays(self) -> dict[str, NDArray[np.generic]]:
-        """All of it, for a checkpoint."""
+        """Complete state, for a checkpoint."""
         return {"weights": self._weights, "biases": self._biases, "outputs": self.outputs}
 
     def restore(self, arrays: dict[str, NDArray[np.generic]]) -> None:

@@ -1,4 +1,4 @@
-"""How a stroke sends the ball back, as a Gaussian process: learned from balls, with gravity given and nothing else.
+"""Model of the stroke as a Gaussian process, learned from balls; only gravity is given.
 
 Where a ball came down and how high it crossed the net tell with what velocity it left the racket. That velocity is a
 smooth function of the one it came with, of the racket's angles and of its speed: the law of reflection, which is
@@ -18,15 +18,15 @@ from core.table import BALL_RADIUS_M, GRAVITY_MPS2
 Array = NDArray[np.float64]
 
 AMPLITUDE_MPS: Final = 3.0
-"""Of the velocity's constant, linear and curved part each (choice: wide)."""
+"""Prior standard deviation of the velocity's constant, linear and curved part each (choice: wide)."""
 LENGTHS: Final = (2.0, 4.0)
-"""Over which it curves, in units of the inputs, which are about 1; the likelier one is taken, as with"""
+"""Candidate length scales, in units of the inputs, which are about 1; the likelier one is used, as with"""
 NOISES_MPS: Final = (1e-3, 1e-2, 0.03, 0.1, 0.3)
-"""what is left unexplained: 1 mm/s with the true state, some cm/s where the state is perceived."""
+"""the residual noise: 1 mm/s with the true state, some cm/s with a perceived state."""
 ODD: Final = 5.0
-"""A ball so many standard deviations from what the others say of it is not learned from: its stroke went wrong."""
+"""A ball more standard deviations than this from its leave-one-out prediction is an outlier and is dropped."""
 SLOWEST_MPS: Final = 0.3
-"""Slower than this counts as this: such a ball does not come near the net."""
+"""Lower bound of the speed: slower balls do not come near the net."""
 
 
 def stroke_inputs(states: Array, racket_mps: Array, actions: Array) -> Array:
@@ -58,7 +58,7 @@ def landings_of(states: Array, velocities: Array) -> Array:
 
 
 class GaussianProcessModel:
-    """The velocity after a stroke, given balls. At least two."""
+    """Predicts the velocity after a stroke from at least two observed balls."""
 
     def __init__(self, inputs: Array, velocities: Array) -> None:
         """Fit to `stroke_inputs` (N, 7) and `velocities_after` (N, 3), all finite."""
@@ -81,12 +81,12 @@ class GaussianProcessModel:
                     self._weights, self._precision = weights, (inverse**2).sum(0)
 
     def _odd_ones(self) -> NDArray[np.bool_]:
-        """(N,) balls that the others contradict, each left out in its turn."""
+        """(N,) whether each ball is an outlier by leave-one-out prediction."""
         off_sigmas = np.abs(self._weights) / np.sqrt(self._precision)[:, None]
         return (off_sigmas > ODD).any(axis=1)
 
     def __call__(self, inputs: Array) -> tuple[Array, Array]:
-        """(M, 3) velocities, and (M, 3, 2) how they change with the last two angles."""
+        """(M, 3) velocities, and (M, 3, 2) their derivatives by the last two angles."""
         curved = _curved(inputs, self._inputs, self.length)
         linear = AMPLITUDE_MPS**2 * self._inputs.T @ self._weights
         constant = self._mean + AMPLITUDE_MPS**2 * self._weights.sum(0)

@@ -1,4 +1,4 @@
-"""What the landing model's outputs mean. `free`: the landing and the height at the net themselves. `flight`: the ball's
+"""Output heads of the landing model. `free`: the landing and the height at the net themselves. `flight`: the ball's
 velocity after the stroke, from which gravity gives both. `impact`: how much of its speed the rubber gives back and how
 well it grips, from which the law of reflection gives that velocity: its form is known, its numbers are learned.
 """
@@ -20,12 +20,12 @@ RESTITUTION, GRIP, PUSH_MPS = (0.6, 0.2), (0.3, 0.2), 0.03
 """Centre and scale of the impact head's outputs: a guess to start from, not the simulator's numbers (0.78 and 0.4).
 The push is small, so that it is learned last."""
 SLOWEST_MPS = 0.3
-"""Slower towards the net, or slower coming down, counts as this: such a ball does not come near the net."""
+"""Lower bound of the speeds towards the net and downwards: slower balls do not come near the net."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Balls:
-    """Balls at the racket, as they are known, and the strokes that meet them."""
+    """Known states of balls at the racket, and the strokes."""
 
     states: Tensor
     """(B, 6) position and velocity, or (B, 12) with spin and its uncertainty."""
@@ -40,7 +40,7 @@ class Head(Protocol):
 
     @property
     def outputs(self) -> int:
-        """How many there are."""
+        """Number of outputs."""
         ...
 
     def decode(self, outputs: Tensor, balls: Balls) -> Tensor:
@@ -96,7 +96,7 @@ class ImpactHead:
         restitution = RESTITUTION[0] + RESTITUTION[1] * outputs[:, :1]
         kept = 1 - GRIP[0] - GRIP[1] * outputs[:, 1:2]
         velocity = racket + kept * arriving - (restitution + kept) * towards * normal + PUSH_MPS * outputs[:, 2:]
-        if balls.states.shape[1] > 6:  # the rubber grips the contact point, which a spin moves too
+        if balls.states.shape[1] > 6:  # the contact point's velocity includes the spin
             spin_there = torch.linalg.cross(balls.states[:, 6:9], normal)
             velocity = velocity + (1 - kept) * BALL_RADIUS_M * spin_there
         return fly_to_landing(velocity, balls.states)

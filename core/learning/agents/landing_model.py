@@ -49,7 +49,7 @@ from core.table import BALL_RADIUS_M, NET_HEIGHT_M
 Array = NDArray[np.float64]
 
 SOFT_M = 0.01
-"""Landing errors far below this pull the actor less and less, so that it comes to rest."""
+"""Landing errors far below this count less and less, so that the actor converges."""
 
 
 class LandingModelAgent:
@@ -119,7 +119,7 @@ class LandingModelAgent:
         return descend((losses * weights).sum() / len(labels), self._model_optimizer)
 
     def _strokes(self, balls: Balls, actions: Tensor) -> Balls:
-        """The balls with other strokes."""
+        """The same balls with other strokes."""
         if not self._chooses_speed:
             return dataclasses.replace(balls, actions=actions)
         low, high = CHOSEN_MPS
@@ -154,7 +154,7 @@ class LandingModelAgent:
 
 
 def make_head(config: RunConfig) -> Head:
-    """The head that the run asks for."""
+    """The head of the run's config."""
     if config.landing_model.head == "impact":
         return ImpactHead(config.environment.task.stroke)
     return FlightHead() if config.landing_model.head == "flight" else FreeHead()

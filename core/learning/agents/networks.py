@@ -13,7 +13,7 @@ from torch import Tensor, nn
 Arrays = dict[str, NDArray[np.generic]]
 
 LAST_LAYER = 3e-3
-"""Half the range of the last layer's initial parameters: a new actor acts near zero, a new critic knows nothing."""
+"""Half the range of the last layer's initial parameters: a new actor or critic gives nearly zero."""
 
 
 def mlp(inputs: int, outputs: int, hidden: int, rng: np.random.Generator) -> nn.Sequential:
@@ -67,7 +67,7 @@ def network_to_arrays(name: str, network: nn.Module, optimizer: torch.optim.Adam
 
 
 def restore_network(arrays: Arrays, name: str, network: nn.Module, optimizer: torch.optim.Adam | None = None) -> None:
-    """Take the place of the network that gave the arrays.
+    """Restore a network from the arrays.
 
     Raises:
         KeyError, RuntimeError: if they are another network's.

@@ -1,4 +1,4 @@
-"""A trained policy by itself: a small network in numpy, read from a file that holds numbers only.
+"""A trained policy: a small network in numpy, read from a file that contains numbers only.
 
 Nothing of torch or of the training is needed to use one, so the live rally can load it at once.
 """
@@ -26,9 +26,9 @@ Floats = NDArray[np.float32]
 
 FORMAT = "rallyscope-policy-1"
 LARGEST_INPUT = 1e3
-"""Of states and targets in the network's own measure, which are about 1."""
+"""Largest normalised state or target that is accepted; usual ones are about 1."""
 OVERFLOW = 1e37
-"""Sums within a network beyond this are more than its numbers can hold."""
+"""Largest sum within a network, against overflow."""
 
 
 class ActionSource(Protocol):
@@ -52,9 +52,9 @@ class Policy:
     racket_mps: Floats
     """(K,) the racket's speed for each: a ball between two stages is met in between."""
     state: StateKind = "plain"
-    """What it has to know of a ball."""
+    """Kind of the ball's state that it needs."""
     chooses_speed: bool = False
-    """Its actions have a fourth part: how fast the racket is to be."""
+    """Whether its actions have a fourth part, the racket's speed."""
 
     def __call__(self, states: Array, racket_speeds_mps: Array, goals_m: Array) -> Array:
         """Actions (N, 3) in [-1, 1] for states (N, 6), with spin (N, 12), racket speeds (N,) and targets (N, 2).
@@ -90,7 +90,7 @@ class Policy:
         return self(s, np.array([self.racket_speed_mps(s[0])]), g)[0]
 
     def racket_speed_mps(self, state: ArrayLike) -> float:
-        """How fast the racket is to move along +x at the impact with a ball of this state."""
+        """Speed of the racket along +x at the impact with a ball of this state, m/s."""
         return float(np.interp(-np.asarray(state, np.float64)[3], self.incoming_mps, self.racket_mps))
 
 

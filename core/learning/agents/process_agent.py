@@ -31,24 +31,25 @@ from core.learning.task.normalise import STATE_SCALE
 Array = NDArray[np.float64]
 
 FEWEST_BALLS: Final = 4
-"""That came down behind the net, before anything is solved for."""
+"""Fewest balls that landed behind the net before strokes are solved for."""
 MAX_BALLS: Final = 400
-"""The newest; the process takes the cube of their number."""
+"""Most balls, the newest; the cost grows with the cube of their number."""
 FEATURE_SCALE: Final = 0.3
 """Standard deviation of the features' weights (choice, as all here on seeds 100 to 104): wide, so smooth."""
 RIDGE: Final = 1e-6
 SITUATIONS: Final = 1200
-"""For which strokes are solved."""
+"""Number of situations for which strokes are solved."""
 BEYOND: Final = 0.2
 """Situations lie on lines through two balls, up to this share of their distance outside."""
 JITTER: Final = 0.02
-"""Of the state's scale, so that situations differ in all directions even after few balls."""
+"""Jitter in units of the state's scale, so that situations differ in all directions even after few balls."""
 NEWTON_STEPS: Final = 5
 LONGEST_STEP: Final = 0.4
 LARGEST_ACTION: Final = 1.1
-"""A little more than the racket may turn: the actor is cut off there, but must be smooth up to there."""
+"""Largest action of a solution, slightly more than the racket's range: the actor is clipped there but has to be
+smooth."""
 CLOSE_M: Final = 0.005
-"""A stroke that Newton's method did not bring so near the target is no example."""
+"""A solution farther from the target than this is not used as an example."""
 
 
 class ProcessAgent:
@@ -63,7 +64,7 @@ class ProcessAgent:
         return self._actor.act(states, racket_speeds_mps, goals_m)
 
     def learn(self, buffer: ReplayBuffer, progress: StageProgress, rng: np.random.Generator) -> Losses:
-        """Fit process and actor anew: after every ball early in a stage, less and less often later."""
+        """Refit process and actor: after every ball early in a stage, less and less often later."""
         every = 1 + progress.episode // self._run.landing_model.full_episodes
         process, mean_off_m = None, math.nan
         if progress.episode % every == 0:
@@ -74,7 +75,7 @@ class ProcessAgent:
         return Losses(math.nan, math.nan)
 
     def _solve(self, process: GaussianProcessModel, buffer: ReplayBuffer, rng: np.random.Generator) -> float:
-        """A new actor; returns how far its strokes land from their targets by the process (m, mean)."""
+        """Solve for a new actor; returns its mean landing error by the process, m."""
         states, speeds = draw_situations(buffer, SITUATIONS, rng)
         goals = draw_goals(SITUATIONS, sampling_box(self._goal), rng)
         actions = self.act(states, speeds, goals)
@@ -117,7 +118,7 @@ class ProcessAgent:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReplayStates:
-    """Balls that crossed the net and came down: what was known of them, and what became of them."""
+    """Balls that crossed the net and landed: their known states and outcomes."""
 
     states: Array
     racket_mps: Array
@@ -126,7 +127,7 @@ class ReplayStates:
     net_z_m: Array
 
 
-def known_balls(buffer: ReplayBuffer) -> ReplayStates:
+def replay_states(buffer: ReplayBuffer) -> ReplayStates:
     """Those of a buffer, the oldest first."""
     known = buffer.column("known").all(axis=1)
     columns = ("state", "racket_speed", "action", "next_state", "net_z")
@@ -136,7 +137,7 @@ def known_balls(buffer: ReplayBuffer) -> ReplayStates:
 
 def _process_of(buffer: ReplayBuffer) -> GaussianProcessModel | None:
     """Model fitted to the newest balls that crossed the net and landed; None while there are too few."""
-    balls = known_balls(buffer)
+    balls = replay_states(buffer)
     velocities = velocities_after(balls.states, balls.landings_m, balls.net_z_m)
     which = np.flatnonzero(np.isfinite(velocities).all(axis=1))[-MAX_BALLS:]
     if len(which) < FEWEST_BALLS:
@@ -157,7 +158,7 @@ def draw_situations(buffer: ReplayBuffer, count: int, rng: np.random.Generator) 
 
 
 def sampling_box(goal: GoalConfig) -> GoalConfig:
-    """The whole box, also where only its middle is aimed at."""
+    """The whole box of targets, even if only its middle is the target."""
     return GoalConfig(low_x_m=goal.low_x_m, high_x_m=goal.high_x_m, half_width_m=goal.half_width_m)
 
 

@@ -1,4 +1,4 @@
-"""The landing model without networks, told the law of reflection: made for states and rackets that are not exact.
+"""The landing model without networks, with the known law of reflection: for noisy states and rackets.
 
 After each ball the law's numbers are fitted anew. The actor, one layer of fixed random features, then takes a step of
 Gauss and Newton towards strokes that land, by the law and for the believed state, near drawn targets. A stroke beyond
@@ -18,7 +18,7 @@ from core.learning.agents.agent import Losses, StageProgress
 from core.learning.agents.feature_actor import FeatureActor
 from core.learning.agents.gaussian_process_model import landings_of, velocities_after
 from core.learning.agents.policy import Policy
-from core.learning.agents.process_agent import draw_situations, known_balls, sampling_box
+from core.learning.agents.process_agent import draw_situations, replay_states, sampling_box
 from core.learning.agents.replay import ReplayBuffer
 from core.learning.agents.state_posterior import StatePosterior
 from core.learning.config import RunConfig
@@ -30,19 +30,19 @@ from core.physics.task import StrokeConfig
 Array = NDArray[np.float64]
 
 GUESS: Final = np.array([0.7, 0.6] + 12 * [0.0])
-"""Share that is kept along the rubber, share that is given back, no spin: what holds until balls say more."""
+"""Prior: share of speed kept along the rubber, share given back across it, no spin."""
 TRUST: Final = 1e-3
-"""In the guess, against one ball (choice, as all here on seeds 100 to 107)."""
+"""Weight of the prior in balls (choice, as all here on seeds 100 to 107)."""
 ODD: Final = 4.0
-"""A ball that is so many times farther from the law than half of them is not learned from: its stroke went wrong."""
+"""A ball whose error is this many times the median error is an outlier and is dropped."""
 MIN_MPS: Final = 0.005
-"""Nearer than this none is odd."""
+"""Errors below this never make an outlier, m/s."""
 ROUNDS: Final = 3
-"""Of leaving out what is odd and fitting the others."""
+"""Rounds of rejecting outliers and fitting the rest."""
 
 
 class ReflectionModel:
-    """The velocity after a stroke, from balls that were struck."""
+    """Predicts the velocity after a stroke, fitted to observed balls."""
 
     def __init__(
         self, states: Array, racket_mps: Array, actions: Array, velocities: Array, stroke: StrokeConfig
@@ -64,11 +64,11 @@ class ReflectionModel:
         return _along_x(racket_mps) + self._parts(states, racket_mps, actions) @ self.numbers
 
     def _parts(self, states: Array, racket_mps: Array, actions: Array) -> Array:
-        """(N, 3, 14) what each number is multiplied with, in the racket's frame of reference."""
+        """(N, 3, 14) regressors of the model's numbers, in the racket's frame."""
         normals = normals_from_orientations(orientations_from_actions(actions, self._stroke))
         arriving = states[:, 3:6] - _along_x(racket_mps)
         towards = (arriving * normals).sum(axis=1, keepdims=True) * normals
-        turned = np.cross(np.eye(3)[:, None], normals)  # of a ball that turns about x, y, z
+        turned = np.cross(np.eye(3)[:, None], normals)  # for spin about x, y, z
         scaled = (states[:, 3:6] - STATE_CENTRE[3:]) / STATE_SCALE[3:]
         with_velocity = [one * scaled[:, [k]] for one in turned for k in range(3)]
         return np.stack([arriving - towards, -towards, *turned, *with_velocity], axis=2)
@@ -79,17 +79,17 @@ def _along_x(speeds_mps: Array) -> Array:
 
 
 FEWEST_BALLS: Final = 4
-"""That came down behind the net, before anything is solved for."""
+"""Fewest balls that landed behind the net before the actor is optimised."""
 FEATURE_SCALE: Final = 0.2
 """Standard deviation of the features' weights (choice, as all here on seeds 100 to 107): wide, so smooth."""
 SITUATIONS: Final = 1500
-"""Drawn anew for every step."""
+"""Number of situations, redrawn for every step."""
 FIRST_STEPS, STEPS = 6, 1
-"""From nothing, and after a ball more."""
+"""Steps of the first optimisation, and after each further ball."""
 NEAR_M: Final = 0.01
 """Farther from the target the distance counts, nearer its square: misses out of reach must not pull at all others."""
 DAMPING: Final = 300.0
-"""Of what a step changes in the actions, so that the actor is made of the situations of many steps."""
+"""Damping of a step's change of the actions, so that the actor averages over many steps."""
 RIDGE: Final = 1e-6
 SLOPE_STEP: Final = 1e-4
 
@@ -106,7 +106,7 @@ class ReflectionAgent:
         return self._actor.act(states, racket_speeds_mps, goals_m)
 
     def learn(self, buffer: ReplayBuffer, progress: StageProgress, rng: np.random.Generator) -> Losses:
-        """Fit the law and better the actor: after every ball early in a stage, less and less often later."""
+        """Refit the model and improve the actor: after every ball early in a stage, less and less often later."""
         every = 1 + progress.episode // self._run.landing_model.full_episodes
         if progress.episode % every != 0:
             return Losses(math.nan, math.nan)
@@ -120,7 +120,7 @@ class ReflectionAgent:
         return Losses(law.scatter_mps, off_m)
 
     def _law_of(self, buffer: ReplayBuffer, belief: StatePosterior) -> ReflectionModel | None:
-        balls = known_balls(buffer)
+        balls = replay_states(buffer)
         states = belief(balls.states)
         velocities = velocities_after(states, balls.landings_m, balls.net_z_m)
         found = np.isfinite(velocities).all(axis=1)
@@ -132,7 +132,7 @@ class ReflectionAgent:
     def _step(
         self, law: ReflectionModel, belief: StatePosterior, buffer: ReplayBuffer, rng: np.random.Generator
     ) -> float:
-        """Better the actor on new situations; returns how far its strokes landed from their targets (m, mean)."""
+        """Improve the actor on new situations; returns its mean landing error, m."""
         perceived, rackets = draw_situations(buffer, SITUATIONS, rng)
         goals = draw_goals(SITUATIONS, sampling_box(self._goal), rng)
         states, features = belief(perceived), self._actor.features(perceived, rackets, goals)
@@ -144,7 +144,7 @@ class ReflectionAgent:
 
         off = off_m(actions)
         slopes = [_slope(off_m, actions, off, k) for k in (1, 2)]
-        # What is beyond the racket's range moves nothing, unless the target pulls it back in.
+        # Actions beyond the racket's range have no effect, unless the target pulls them back.
         for k, slope in enumerate(slopes, start=1):
             beyond = wanted[:, k] - actions[:, k]
             slope[beyond * (slope * off).sum(axis=1) < 0] = 0.0
@@ -171,7 +171,7 @@ class ReflectionAgent:
 
 
 def _slope(off_m: Callable[[Array], Array], actions: Array, off: Array, k: int) -> Array:
-    """(N, 2) how `off` changes with action k; looked at towards the middle, as there is nothing beyond the range."""
+    """(N, 2) derivative of `off` by action k, one-sided towards the middle of the range."""
     inwards = np.where(actions[:, k] > 0, -SLOPE_STEP, SLOPE_STEP)
     moved = actions.copy()
     moved[:, k] += inwards
@@ -182,7 +182,7 @@ def _damped_step(features: Array, slopes: list[Array], off: Array, counts: Array
     """(F, 2) by which outputs lessen the counted squares of `off` (N, 2), given how it moves with each action."""
     f = features.shape[1]
     root = np.sqrt(counts)[:, None]
-    # Both parts of a landing, each moved by the outputs of both actions.
+    # Both coordinates of a landing depend on both actions.
     x, y = (np.hstack([features * (root * slope)[:, [part]] for slope in slopes]) for part in (0, 1))
     normal = x.T @ x + y.T @ y
     still = DAMPING * features.T @ features / len(features)

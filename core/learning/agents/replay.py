@@ -30,7 +30,7 @@ seen."""
 
 @dataclass(frozen=True, slots=True)
 class ReplayStart:
-    """What became of a buffer at a stage's start."""
+    """Result of the replay rule at a stage's start."""
 
     kept: int
     dropped: int
@@ -53,7 +53,7 @@ class ReplayBuffer:
 
     @property
     def capacity(self) -> int:
-        """How many it can hold."""
+        """Largest number of transitions."""
         return len(self._columns["state"])
 
     def add(self, transition: dict[str, NDArray[np.floating]]) -> None:
@@ -85,11 +85,11 @@ class ReplayBuffer:
         return ReplayStart(kept, dropped, by_case)
 
     def to_arrays(self) -> dict[str, Floats]:
-        """Everything, for a checkpoint."""
+        """Complete state, for a checkpoint."""
         return {name: column[: self._count].copy() for name, column in self._columns.items()}
 
     def restore(self, arrays: dict[str, Floats]) -> None:
-        """Take the place of what `to_arrays` gave."""
+        """Restore the state from `to_arrays`."""
         self._count = len(arrays["state"])
         for name, column in self._columns.items():
             column[: self._count] = arrays[name]

@@ -1,1 +1,1 @@
-"""Training the rival `yolo` on rendered pictures of rooms, cameras and balls that are drawn anew each time."""
+"""Training of `yolo` on rendered pictures with random backgrounds, cameras and balls."""

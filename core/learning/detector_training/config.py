@@ -1,4 +1,4 @@
-"""What the training of a frame detector can be told. The whole of it is stored with the weights."""
+"""Settings of the training of a frame detector. They are stored with the weights."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ class DetectorTrainingConfig:
     """AdamW on crops of rendered pictures. The defaults are ours; they fit an hour of one processor core."""
 
     seed: int = setting(0, 0, 2**31 - 1)
-    """Of rooms, crops and first weights."""
+    """Seed of rendered backgrounds, crops and first weights."""
     yolo: YoloConfig = field(default_factory=YoloConfig)
     rooms: int = setting(80, 1, 100_000)
-    """Rooms that are drawn: each has its own colours, light, camera, persons and flight."""
+    """Number of random backgrounds: each has its own colours, light, camera, persons and flight."""
     frames_per_room: int = setting(14, 1, 1000)
-    """Pictures taken in each, with exposures of their own."""
+    """Pictures per background, with random exposures."""
     steps: int = setting(2500, 1, 1_000_000)
     batch: int = setting(8, 1, 1024)
-    """Crops of a step."""
+    """Crops per step."""
     crop_px: int = setting(224, 64, 2048, step=32)
     """Side of a crop, in pixels of the network's input: the network has no layer that knows the size of its input, and
     a crop with a ball teaches as much as a whole picture."""
     learning_rate: float = setting(1e-3, 1e-6, 0.1)
-    """After the warm-up; it falls to nothing along a cosine."""
+    """Learning rate after the warm-up; it decays to zero along a cosine."""
     warm_up_steps: int = setting(100, 0, 10_000)
     weight_decay: float = setting(5e-4, 0.0, 0.1)
     precision: Precision = "float32"
-    """Of the layers' products while training: bfloat16 takes half the time on processors that have it."""
+    """Number type of the layers' products in training: bfloat16 takes half the time on processors that have it."""
     checkpoint_every: int = setting(50, 1, 10_000)
-    """Steps; what came after the last one is computed again after a kill."""
+    """Steps between checkpoints; after a kill the training resumes from the last one."""
 
     def __post_init__(self) -> None:
         check_settings(self)

@@ -1,4 +1,4 @@
-"""Crops of pictures as a network is shown them: at another scale, mirrored, with drawn balls, in another light."""
+"""Augmented crops of pictures: rescaled, mirrored, with drawn balls, in other light."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from core.learning.detector_training.pool import TrainingPictures
 from core.learning.detector_training.streaks import draw_streak, random_streak
 
 ON_BALL: Final = 0.75
-"""Share of the crops that are laid about a ball, if the picture has one; the others lie anywhere."""
+"""Share of the crops placed around a ball, if the picture has one; the others are placed anywhere."""
 SCALE: Final = (0.75, 1.5)
-"""A picture is shown so much larger, so that balls have more sizes than the cameras give them."""
+"""Range of magnification, for more ball sizes than the cameras give."""
 DRAWN: Final = 0.5
 """Share of the crops that get a drawn ball too."""
 GAIN, COLOUR, GAMMA, NOISE_LEVELS, SOFT = (0.55, 1.5), 0.12, (0.8, 1.25), 5.0, 0.25
-"""Of the light: range of the gain, spread of each colour's own, range of the tone curve's power; most noise; share of
-the crops that are out of focus."""
+"""Variation of the light: range of the gain, spread of each colour's own, range of the tone curve's power; most noise;
+share of the crops that are out of focus."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,7 +91,7 @@ def cut(image: NDArray[np.uint8], left: int, top: int, side: int) -> NDArray[np.
 
 
 def other_light(image: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:
-    """The picture brighter or darker, of another tint, noisier, perhaps out of focus."""
+    """Picture with random brightness, tint, noise and blur."""
     levels = image.astype(np.float32) / 255.0
     gain = np.exp(rng.uniform(*np.log(GAIN)) + rng.normal(0.0, COLOUR, 3)).astype(np.float32)
     levels = np.clip(levels * gain, 0.0, 1.0) ** np.float32(rng.uniform(*GAMMA))

@@ -1,4 +1,4 @@
-"""What a trained network does with sharp pictures that it has not seen, and which confidence asks most of it.
+"""Score of a trained network on unseen sharp pictures, and the choice of its confidence threshold.
 
 Sharp: exposures of 0.5 ms, in which a ball moves by less than its radius. The scenes, cameras and colours are those of
 `paper7`, taken by the same cameras as in recordings; the flights have seeds of their own.
@@ -30,7 +30,7 @@ from core.simulation.bodies.rally_flight import draw_flights
 from core.simulation.frames.frames import FrameConfig, FrameTrack
 
 SEED: Final = 20_261
-"""Of the flights that are scored; training draws its rooms from other streams."""
+"""Seed of the flights that are scored; training draws its backgrounds from other streams."""
 SHARP_US: Final = 500
 RATE_HZ: Final = 15.0
 SCENES: Final[tuple[tuple[str, str, float], ...]] = (
@@ -60,7 +60,7 @@ class _Counts:
 
 
 def choose_confidence(network: YoloTiny, config: YoloConfig, pictures: TrainingPictures, device: str) -> float:
-    """The least confidence with the best F1 of the most confident boxes; the config's own without pictures."""
+    """Lowest confidence with the best F1; the config's own without pictures."""
     if not len(pictures):
         return config.confidence
     low = dataclasses.replace(config, confidence=float(CONFIDENCES[0]))

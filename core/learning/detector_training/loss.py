@@ -18,11 +18,11 @@ from core.detection.yolo.boxes import decode_boxes, iou, split_head
 from core.detection.yolo.config import STRIDES
 
 BOX_WEIGHT: Final = 3.0
-"""Of the boxes' loss beside the cross-entropies."""
+"""Weight of the boxes' loss against the cross-entropies."""
 SAME_SIZE: Final = 0.4
-"""Shared over joint area of two squares about one centre: from here on an anchor has a ball's size."""
+"""Smallest intersection over union of an anchor and a ball about one centre for the anchor to be responsible."""
 ON_IT: Final = 0.5
-"""A box that shares so much with a ball is not blamed for saying so."""
+"""Intersection over union from which a box without a ball is not penalised."""
 
 
 def ciou(one: Tensor, other: Tensor) -> Tensor:

@@ -1,4 +1,4 @@
-"""The pictures of a training on disk, a file per room, made once: a training that was killed finds them again."""
+"""Training pictures on disk, a file per background; a resumed training reuses them."""
 
 from __future__ import annotations
 
@@ -60,7 +60,10 @@ def rendered_pool(
         images, circles = _paths(folder, number)
         if not circles.exists():
             pictures = render_room(config, number)
-            for path, array in ((images, pictures.images), (circles, pictures.circles)):  # the circles are the sign
+            for path, array in (
+                (images, pictures.images),
+                (circles, pictures.circles),
+            ):  # circles last
                 with replacing(path, durable=False) as partial, partial.open("wb") as file:
                     np.save(file, array)
         progress((number + 1) / config.rooms)

@@ -1,4 +1,4 @@
-"""Rendered pictures to train on: rooms, cameras, balls and exposures that are drawn anew for each room.
+"""Rendered training pictures with random backgrounds, cameras, balls and exposures.
 
 The pictures come from the colour cameras of the simulation, so that people, rackets, shadows and blur look as they do
 in recordings. A room is drawn from the training's seed and its own number; recordings have other seeds.
@@ -29,11 +29,11 @@ from core.simulation.frames.frames import FrameCamera, FrameConfig
 from core.simulation.scenes.scene import ActorsName
 
 ROOMS_STREAM: Final = 0x726F6F6D
-"""Apart from the seeds of recordings, and of the training's other draws."""
+"""Random stream, separate from the seeds of recordings and from the training's other draws."""
 CASTS: Final[tuple[tuple[ActorsName, float], ...]] = (
     ("nobody", 0.40), ("person", 0.20), ("two-persons", 0.20), ("rally", 0.15), ("head", 0.05),
 )  # fmt: skip
-"""Who moves, and in what share of the rooms."""
+"""Moving persons, and their shares of the backgrounds."""
 REFLECTANCES: Final[dict[str, tuple[float, float]]] = {
     "ball": (0.3, 1.0), "table": (0.06, 0.45), "line": (0.6, 0.95), "floor": (0.05, 0.6), "wall": (0.06, 0.7),
     "net": (0.03, 0.15), "net_cover": (0.2, 0.45), "racket": (0.02, 0.15), "ambient": (0.4, 0.9), "shadow": (0.1, 0.6),
@@ -91,14 +91,14 @@ def render_room(config: DetectorTrainingConfig, number: int) -> LabelledPictures
 
 
 def draw_scene(rng: np.random.Generator) -> SceneConfig:
-    """A room, and who moves in it."""
+    """Random scene with its persons."""
     cast = CASTS[int(rng.choice(len(CASTS), p=[share for _, share in CASTS]))][0]
     values = {name: float(rng.uniform(low, high)) for name, (low, high) in REFLECTANCES.items()}
     return SceneConfig(cast=cast, **values)
 
 
 def draw_camera(rng: np.random.Generator) -> Camera:
-    """One of the usual places, moved and turned a little, with another lens."""
+    """Random camera: a preset place, slightly moved and turned, with a random lens."""
     at, target = PLACEMENTS[str(rng.choice(list(PLACEMENTS)))]
     side = np.array([1.0, rng.choice([-1.0, 1.0]), 1.0])
     position = np.array(at) * side + rng.uniform(-CAMERA_MOVES_M, CAMERA_MOVES_M, 3)

@@ -1,4 +1,4 @@
-"""From nothing to weights: render, train, choose the confidence, score, write. Killed, it goes on where it was."""
+"""Complete training: render, train, choose the confidence, score, write. It can be resumed after a kill."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from core.learning.detector_training.pool import TrainingPictures, data_set_pool
 from core.learning.detector_training.training import load_state, new_state, run_steps
 
 CHOICE_SHARE: Final = 0.05
-"""Of the rooms, the last ones: never trained with, the confidence is chosen on them."""
+"""Share of the backgrounds, the last ones, that are held out: the confidence is chosen on them."""
 RENDERED, TRAINED = 0.25, 0.9
 """Shares of all work after which the pictures are there, and the network is trained."""
 Progress = Callable[[float], None]
@@ -64,7 +64,7 @@ def train_detector(
 
 
 def find_device(name: str) -> str:
-    """What `auto` stands for, or the device itself.
+    """Device that `auto` stands for, or the given device.
 
     Raises:
         CommandError: if torch sees no such device.

@@ -37,7 +37,7 @@ class BallStreak:
 
     @property
     def reach_px(self) -> float:
-        """What it touches lies so near to its middle."""
+        """Distance from its middle within which it changes pixels."""
         return self.r_px + math.hypot(*self.motion_px) / 2 + 1.0
 
 

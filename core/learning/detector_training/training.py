@@ -1,4 +1,4 @@
-"""The training itself: step after step from crops that depend on the seed and the step alone, kept now and then."""
+"""The training loop: each step's crops depend on the seed and the step alone; regular checkpoints."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from core.text.json_text import parse_json
 
 CROPS_STREAM: Final = 0x63726F70
 MOMENTS: Final = ("step", "exp_avg", "exp_avg_sq")
-"""What AdamW remembers of each weight."""
+"""State of AdamW for each weight."""
 CLIP: Final = 10.0
 """Longest gradient."""
 Progress = Callable[[float], None]
@@ -43,9 +43,9 @@ class TrainingState:
     optimizer: torch.optim.AdamW
     step: int
     losses: list[float]
-    """Of every step so far."""
+    """Loss of every step so far."""
     plans: list[tuple[int, int]]
-    """From which step on so many steps were planned: one that is ended may go on with fewer, or with more."""
+    """Planned numbers of steps by first step: a resumed training may have a new plan."""
 
 
 def new_state(config: DetectorTrainingConfig, device: str) -> TrainingState:
@@ -97,7 +97,7 @@ def run_steps(
 
 
 def learning_rate(config: DetectorTrainingConfig, step: int) -> float:
-    """Rises in a straight line, falls along a cosine."""
+    """Learning rate: linear warm-up, then cosine decay."""
     if step < config.warm_up_steps:
         return config.learning_rate * (step + 1) / config.warm_up_steps
     done = (step - config.warm_up_steps) / max(1, config.steps - config.warm_up_steps)
@@ -126,7 +126,7 @@ def _train_step(state: TrainingState, config: DetectorTrainingConfig, batch: Cro
 
 
 def save_state(path: Path, state: TrainingState, config: DetectorTrainingConfig) -> None:
-    """Write all that the next step depends on, in one step: after a kill there is the old file or the new one."""
+    """Write the complete state atomically."""
     tensors = {f"network.{name}": value for name, value in state.network.state_dict().items()}
     for number, moments in state.optimizer.state_dict()["state"].items():
         tensors |= {f"optimizer.{number}.{name}": moments[name] for name in MOMENTS}

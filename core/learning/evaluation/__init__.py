@@ -1,1 +1,1 @@
-"""How good a policy is: fixed balls, lines of episodes, policies that need no learning."""
+"""Evaluation of policies: fixed balls, episode records, trivial policies."""

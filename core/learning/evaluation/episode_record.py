@@ -15,7 +15,7 @@ from core.physics.episode import Case, Outcomes
 
 Array = NDArray[np.float64]
 NET_PASSED_M = -1e-6
-"""A first contact beyond this x is one after the ball has crossed the net plane, or in it."""
+"""A first contact beyond this x is in or behind the net plane."""
 
 
 def transition_of(
@@ -71,7 +71,7 @@ def episode_line(
     kept: ReplayStart | None,
     losses: Losses,
 ) -> dict[str, object]:
-    """What is written about one episode; `kept` only where a stage starts."""
+    """Line about one episode; `kept` only at the start of a stage."""
     line: dict[str, object] = {
         "episode": episode,
         "stage": stage,
@@ -105,7 +105,7 @@ def episode_line(
 
 
 def _plain(value: float) -> float | None:
-    """Micrometre precision; None (JSON null) for what is not known."""
+    """Number rounded to micrometres; None (JSON null) if unknown."""
     return round(float(value), 6) if math.isfinite(value) else None
 
 

@@ -1,4 +1,4 @@
-"""How good a policy is: the fixed balls, return rate and landing error, last and five best."""
+"""Evaluation of a policy on fixed balls: return rate and landing error."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from core.table import TABLE_LENGTH_M
 
 Array = NDArray[np.float64]
 BEST = 5
-"""The paper shows each method by the five best of its evaluations."""
+"""Number of best evaluations by which the paper shows each method."""
 MISSED_MM: Final = 1000 * TABLE_LENGTH_M
-"""What a ball counts that the racket did not meet (choice): as far off as the table is long, no miss is free."""
+"""Error of a ball that the racket missed (choice): the table's length."""
 BallSet = Literal["test", "validation"]
-"""What figures are reported on, and what the best policy of a run is chosen by."""
+"""Ball sets: one for reported figures, one to choose a run's best policy."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,7 +52,7 @@ class PolicyScore:
 
     @property
     def error_mm(self) -> float:
-        """Mean over every ball, a missed one as `MISSED_MM`."""
+        """Mean landing error over all balls, with `MISSED_MM` for missed ones."""
         return float(self.counted_mm.mean())
 
     @property
@@ -87,14 +87,14 @@ class PolicyEvaluator:
         return self._config.state_source == "events" and self._config.outcomes == "told"
 
     def score(self, controller: ActionSource, speed_mps: float, which: BallSet = "test") -> PolicyScore:
-        """A policy on them, without noise on the action."""
+        """Score of a policy on the fixed balls, without noise on the action."""
         balls = self.balls(speed_mps, which)
         if self._config.outcomes == "events":
             return score_played(self._backend, controller, balls)
         return self.score_actions(controller(balls.states, balls.racket_speeds_mps, balls.goals_m), speed_mps, which)
 
     def score_actions(self, actions: Array, speed_mps: float, which: BallSet = "test") -> PolicyScore:
-        """Given actions (N, 3) on them."""
+        """Score of given actions (N, 3) on the fixed balls."""
         balls = self.balls(speed_mps, which)
         outcomes = play(balls, actions, self._config)
         return PolicyScore(speed_mps, outcomes.returned, landing_errors_mm(outcomes, balls.goals_m))
@@ -106,7 +106,7 @@ def score_played(
     balls: ServeBatch,
     progress: Callable[[float], None] = lambda share: None,
 ) -> PolicyScore:
-    """A policy on balls that the court itself serves, shows and plays out, one after another."""
+    """Score of a policy on balls played one after another by the episode backend."""
     returned, errors_mm = np.zeros(len(balls), np.bool_), np.full(len(balls), np.nan)
     for i in range(len(balls)):
         ball = backend.observe(balls[i : i + 1])

@@ -1,4 +1,4 @@
-"""A policy's map: where balls land for targets all over the opponent's half, on serves that nobody was trained on.
+"""Policy map: mean landing for targets all over the opponent's half, on serves not used in training.
 
 Every target gets the same serves with the same noise, so two cells differ by the target alone.
 """
@@ -22,13 +22,13 @@ from core.table import TABLE_LENGTH_M, TABLE_WIDTH_M
 
 Array = NDArray[np.float64]
 MAP_SEED: Final = 20260406
-"""Of the serves of maps: others than those of trainings, evaluations and validations."""
+"""Seed of the serves of maps: others than those of training, evaluation and validation."""
 ALONG: Final = 7
 """Cells from the net to the opponent's end, and"""
 ACROSS: Final = 8
 """from side to side: nearly square ones of 19 cm."""
 SERVES: Final = 24
-"""To every target."""
+"""Serves per target."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,17 +40,17 @@ class TrainedTargets:
 
     @property
     def is_one(self) -> bool:
-        """One target for every ball."""
+        """Whether there is one target for all balls."""
         return self.low_m == self.high_m
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PolicyMap:
-    """What a policy makes of M targets, the middles of the cells of a grid over the opponent's half."""
+    """Results of a policy for M targets, the centres of a grid over the opponent's half."""
 
     speed_mps: float
     serves: int
-    """To each target."""
+    """Serves per target."""
     targets_m: Array
     """(M, 2) world, in the table's plane."""
     cell_m: tuple[float, float]
@@ -65,11 +65,11 @@ class PolicyMap:
     """(M,) mean distance of landing and target over all serves, `MISSED_MM` for one that the racket did not meet."""
     trained: TrainedTargets
     known_exactly: bool
-    """Trained on what cameras see, mapped on states that are known: cameras are not rendered for a map."""
+    """Whether the map uses true states although the policy was trained with cameras, which are not rendered here."""
 
     @property
     def inside(self) -> NDArray[np.bool_]:
-        """(M,) targets such as it was trained on."""
+        """(M,) whether each target is inside the trained box."""
         return np.asarray(
             ((self.targets_m >= self.trained.low_m) & (self.targets_m <= self.trained.high_m)).all(axis=1)
         )
@@ -84,7 +84,7 @@ def target_grid() -> tuple[Array, tuple[float, float]]:
 
 
 def trained_targets(goal: GoalConfig) -> TrainedTargets:
-    """What targets a training deals."""
+    """Targets of a training."""
     if goal.kind == "fixed":
         return TrainedTargets(goal.centre_m, goal.centre_m)
     return TrainedTargets((goal.low_x_m, -goal.half_width_m), (goal.high_x_m, goal.half_width_m))

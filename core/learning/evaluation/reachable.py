@@ -1,4 +1,4 @@
-"""How many balls any stroke within a task's bounds could return: where the bounds limit, and not the player."""
+"""Share of balls that any stroke within a task's bounds can return: whether the bounds limit a player."""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ from core.learning.task.environment import play, validation_balls
 
 BALLS: Final = 64
 TILTS, TURNS, SPEEDS = 21, 5, 10
-"""Of the grid of strokes that are tried on each ball."""
+"""Size of the grid of strokes that are tried on each ball."""
 WORTH_SAYING: Final = 0.95
-"""If more can be returned, the bounds are not what limits a player."""
+"""Share above which the bounds do not limit a player."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reachable:
-    """Balls of a speed before a racket with bounds."""
+    """Result for balls of one speed."""
 
     speed_mps: float
     share: float
-    """Of the balls that at least one stroke returns."""
+    """Share of the balls that at least one stroke returns."""
     height_m: float
     """Median of the ball's centre above the table's top, where it is to be hit."""
     falling_deg: float
     """Median angle below the horizontal at which it comes there."""
     bounds: str
-    """In words."""
+    """Text of the racket's bounds."""
     recorded: bool = False
-    """Balls of people, of any speed."""
+    """Whether these are recorded balls, of any speed."""
 
     @property
     def words(self) -> str:
-        """One line for people; empty where the bounds leave nearly every ball."""
+        """One line of text; empty if nearly every ball can be returned."""
         if self.share >= WORTH_SAYING:
             return ""
         above = f"{abs(100 * self.height_m):.0f} cm {'above' if self.height_m >= 0 else 'below'} the table's top"
@@ -68,7 +68,7 @@ def reachable(environment: EnvironmentConfig, speed_mps: float, balls: int = BAL
     sides = np.linspace(-1, 1, TILTS), np.linspace(-1, 1, TURNS), speeds
     strokes = np.array([(0.0, b, c, v) for b in sides[0] for c in sides[1] for v in sides[2]])[:, : 4 if chooses else 3]
     left = np.arange(len(dealt))
-    for stroke in strokes[np.random.default_rng(0).permutation(len(strokes))]:  # most balls are returned soon
+    for stroke in strokes[np.random.default_rng(0).permutation(len(strokes))]:  # most are returned early
         if not len(left):
             break
         some = dealt[left]

@@ -1,4 +1,4 @@
-"""What needs no learning: doing nothing, chance, always the same landing, and the best that the racket could do.
+"""Policies without learning: no action, random, constant landing, and an oracle.
 
 They stand beside every result, because they decide what it is worth: with an open racket doing nothing returns nearly
 every ball, and landing always in the middle of the target box is 298 mm off on the average.
@@ -21,15 +21,15 @@ Array = NDArray[np.float64]
 
 COARSE, FINE, ROUNDS = 15, 7, 5
 CHOSEN_COARSE, CHOSEN_FINE, CHOSEN_ROUNDS, CHOSEN_ZOOM = (9, 5, 9), 3, 12, 0.6
-"""The same where the racket's speed is searched too: tilts, turns and speeds of the first grid, and of finer ones, each
-so much narrower than the one before."""
+"""Search grid where the racket's speed is searched too: tilts, turns and speeds of the first grid, and of finer ones,
+each so much narrower than the one before."""
 """The oracle's grid over the two angles that matter, and how often it zooms in around the best point."""
 NOT_RETURNED_MM = 1e5
 
 
 @dataclass(frozen=True, slots=True)
 class TrivialScores:
-    """Scores without learning on the fixed balls of a speed."""
+    """Scores of trivial policies on the fixed balls of one speed."""
 
     zero: PolicyScore
     """The base orientation."""

@@ -1,1 +1,1 @@
-"""Training runs as a process lives them: seeds, files on disk, control, summary."""
+"""Training runs: seeds, files, control, summary."""

@@ -1,4 +1,4 @@
-"""A training between two episodes as one file: arrays and plain values."""
+"""Checkpoint of a training between two episodes, one file of arrays and plain values."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from core.text.json_text import parse_json
 
 AGENT: Final = "agent."
 BUFFER: Final = "buffer."
-"""What the names of their arrays begin with."""
+"""Prefix of the buffer's arrays."""
 
 
 def save_checkpoint(path: Path, arrays: dict[str, NDArray[np.generic]], about: dict[str, object]) -> None:
-    """Write arrays and plain values in one step: after a kill there is the old file or the new one."""
+    """Write arrays and plain values atomically."""
     data = save({name: np.ascontiguousarray(a) for name, a in arrays.items()}, {"about": json.dumps(about)})
     replace_file(path, data, durable=True)
 
 
 def pack_arrays(agent: Agent, buffer: ReplayBuffer) -> dict[str, NDArray[np.generic]]:
-    """What an agent knows and the balls that it learns from, as a checkpoint names them."""
+    """Arrays of agent and replay buffer, by their names in a checkpoint."""
     arrays: dict[str, NDArray[np.generic]] = {f"{AGENT}{name}": array for name, array in agent.to_arrays().items()}
     return arrays | {f"{BUFFER}{name}": array for name, array in buffer.to_arrays().items()}
 

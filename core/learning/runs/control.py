@@ -1,4 +1,4 @@
-"""The two small files through which a training process and the one who watches it talk: status and control."""
+"""Status and control files, through which a training process and its observer communicate."""
 
 from __future__ import annotations
 
@@ -20,33 +20,33 @@ State = Literal["running", "paused", "stopped", "finished", "failed"]
 
 @dataclass(frozen=True, slots=True)
 class Control:
-    """What a person wants a training process to do."""
+    """Command to a training process."""
 
     command: RunCommand = "run"
     episodes_per_s: float | None = None
-    """Slow down to this many, to watch; None: as fast as it goes."""
+    """Speed limit, episodes/s; None: unlimited."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunStatus:
-    """How a training process is doing."""
+    """Status of a training process."""
 
     state: State
     pid: int
     seed: int
     episode: int
-    """Done in this seed."""
+    """Episodes done in this seed."""
     episodes: int
-    """Of one seed, at most."""
+    """Most episodes of one seed."""
     share: float
-    """Of the whole run, all seeds."""
+    """Share of the whole run, all seeds, that is done, 0..1."""
     speed_mps: float
     seconds_left: float | None
     message: str = ""
 
 
 def hold_run(run: Path) -> AbstractContextManager[object]:
-    """Be the only process that trains this run.
+    """Lock the run for this process.
 
     Raises:
         ConfigError: if another one does.
@@ -66,12 +66,12 @@ def is_held(run: Path) -> bool:
 
 
 def write_control(run: Path, control: Control) -> None:
-    """Ask the process that trains this run to go on, pause, stop or slow down; it looks before every episode."""
+    """Command the training process to continue, pause, stop or slow down; it checks before every episode."""
     write_json(run / "control.json", {"wish": control.command, "episodes_per_s": control.episodes_per_s})
 
 
 def read_control(run: Path) -> Control:
-    """What is asked for; to go on if nothing is, or nothing that makes sense."""
+    """Current command; continue if there is none, or an invalid one."""
     found = read_json(run / "control.json")
     command, rate = found.get("wish"), found.get("episodes_per_s")
     wanted: RunCommand = "pause" if command == "pause" else "stop" if command == "stop" else "run"
@@ -79,12 +79,12 @@ def read_control(run: Path) -> Control:
 
 
 def write_status(run: Path, status: RunStatus) -> None:
-    """Tell how it goes."""
+    """Write the status."""
     write_json(run / "status.json", dataclasses.asdict(status))
 
 
 def read_status(run: Path) -> RunStatus | None:
-    """How it goes, or went; None before a first word. A process that died is `failed`, whatever it last said."""
+    """Status of a run; None before the first. A process that died is `failed`, whatever its last status."""
     found = read_json(run / "status.json")
     if not _is_status(found):
         return None

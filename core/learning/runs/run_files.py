@@ -1,4 +1,4 @@
-"""The files of a run: what was asked for, how it goes, what came of it. Nothing here needs torch.
+"""The files of a run: config, status and results. Nothing here needs torch.
 
 runs/<name>/config.toml       the whole configuration
             versions.json     versions of what computed it
@@ -50,7 +50,7 @@ class SeedFiles:
 
     @property
     def checkpoint(self) -> Path:
-        """To go on from."""
+        """Checkpoint to resume from."""
         return self.folder / "checkpoint.safetensors"
 
     @property
@@ -60,7 +60,7 @@ class SeedFiles:
 
     @property
     def best(self) -> Path:
-        """The best at the last speed, by validation balls."""
+        """Best policy at the last speed, by validation balls."""
         return self.folder / "best.safetensors"
 
     def policy_at(self, episode: int) -> Path:
@@ -91,7 +91,7 @@ def create_run(run: Path, config: RunConfig) -> None:
         write_json(run / "versions.json", _versions())
     except OSError as error:
         raise ConfigError("the run cannot be written", got=error.strerror, where=run, remedy=WRITE_REMEDY) from error
-    save_config(config, run / "config.toml")  # last: with it there is a run
+    save_config(config, run / "config.toml")  # last: it makes the folder a run
 
 
 def read_run(run: Path) -> RunConfig:
@@ -170,7 +170,7 @@ class SeedWriter:
         self._evaluations.flush()
 
     def flush(self) -> None:
-        """Let others see what was written."""
+        """Flush both files to disk."""
         self._metrics.flush()
 
     def sizes(self) -> dict[str, object]:

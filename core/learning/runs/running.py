@@ -1,4 +1,4 @@
-"""A whole run: seed after seed or side by side, held by one process, and how it ended."""
+"""Training of a whole run: seeds in sequence or in parallel, under one process's lock."""
 
 from __future__ import annotations
 

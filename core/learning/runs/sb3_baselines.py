@@ -32,7 +32,7 @@ from core.learning.task.reward import episode_rewards, reward_weights
 
 Floats = NDArray[np.float32]
 AfterEpisode = Callable[[dict[str, object], bool], bool]
-"""Hears an episode's line and whether its stage is over; says whether to go on."""
+"""Called with an episode's line and whether its stage is over; returns whether to continue."""
 
 ON_POLICY = ("ppo", "a2c", "trpo")
 START = 32
@@ -47,7 +47,7 @@ class Sb3Training:
         self.config = config
         self.seed = seed
         self.episode = 0
-        """Done in all stages."""
+        """Episodes done in all stages."""
         self._world_backend = backend
         self._model: Any = None
 
@@ -85,7 +85,7 @@ class Sb3Training:
 
 
 class Sb3Environment(OneStepReturn):
-    """The environment of a stage, dealing the balls that our agents get with this seed, and writing them down."""
+    """Environment of a stage with the same balls as our agents get with this seed; it records the episodes."""
 
     def __init__(
         self, config: RunConfig, seed: int, stage: int, first_episode: int, backend: EpisodeBackend | None = None
@@ -99,7 +99,7 @@ class Sb3Environment(OneStepReturn):
         self.stage_episode = 0
         self._first_episode = first_episode
         self.line: dict[str, object] = {}
-        """Of the last episode."""
+        """Metrics of the last episode."""
 
     def step(self, action: Floats) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
         """Step as the environment itself does; `line` then holds the episode."""
@@ -161,7 +161,7 @@ def make_model(config: RunConfig, environment: Sb3Environment, seed: int) -> Any
     shared |= {"batch_size": 64, "learning_starts": START, "buffer_size": config.episodes + 1}
     shared["policy_kwargs"] = {"net_arch": [hidden, hidden]}
     if config.agent == "td3":
-        # The library has no noise unless told; 0.1 is what TD3's authors use, and ours.
+        # The library has no noise by default; 0.1 is used by TD3's authors and our agents.
         noise = NormalActionNoise(np.zeros(3), np.full(3, scale))
         return sb3.TD3("MlpPolicy", action_noise=noise, **shared)
     if not matched:

@@ -1,4 +1,4 @@
-"""One seed of a run as a process lives it: files on disk, pause, stop, and going on after a kill."""
+"""Training process of one seed: files, pause, stop, and resuming after a kill."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ from core.learning.runs.training import Training
 from core.learning.task.episode_backend import EpisodeBackend
 
 STATUS_EVERY_S: Final = 0.2
-"""How often it is told how far a seed is, and how late a plot may be."""
+"""Interval of progress reports, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class SeedProgress:
-    """How far a seed is."""
+    """Progress of a seed."""
 
     seed: int
     episode: int
-    """Done."""
+    """Episodes done."""
     share: float
     speed_mps: float
     state: State
 
 
 def run_not_written(run: Path, error: OSError) -> ConfigError:
-    """What a disk that refuses something means to a run."""
+    """Error for a run that cannot be written to disk."""
     remedy = "free some space and resume the run: it goes on from its last checkpoint"
     return ConfigError("the run cannot be written", got=error.strerror or error, where=run, remedy=remedy)
 
 
 class SeedProcess:
-    """Trains the seeds of a run that are asked for, each to its end or until it is to stop."""
+    """Trains seeds of a run, each to its end or until a stop command."""
 
     def __init__(
         self,
@@ -55,10 +55,10 @@ class SeedProcess:
         self._run, self._config, self._backend = run, config, backend
         self._tell, self._stopped = tell, stopped
         self._evaluator = PolicyEvaluator(config.environment, config.evaluation_balls, backend)
-        self._told_s = 0.0
+        self._reported_s = 0.0
 
     def train(self, seed: int) -> bool:
-        """Whether the seed is finished, and not stopped on the way.
+        """Train a seed; whether it finished, rather than being stopped.
 
         Raises:
             ConfigError: if the run cannot be written.
@@ -70,7 +70,7 @@ class SeedProcess:
             raise run_not_written(self._run, error) from error
 
     def _train_own(self, seed: int) -> bool:
-        """Whether the seed is finished (not stopped on the way)."""
+        """Train our agent; whether it finished, rather than being stopped."""
         files = seed_files(self._run, seed)
         training = resume(files, self._config, seed, self._backend)
         with SeedWriter(files) as writer:
@@ -145,17 +145,17 @@ class SeedProcess:
         save_checkpoint(files.checkpoint, arrays, about | writer.sizes())
 
     def _may_go_on(self, seed: int, episode: int, share: float, speed_mps: float, writer: SeedWriter) -> bool:
-        """Between two episodes: tell how it goes, wait while paused or slowed down; False once asked to stop."""
+        """Between two episodes: report progress, wait while paused or slowed down; False on a stop command."""
         asked_s = time.monotonic()
         while True:
             control = read_control(self._run)
             if self._stopped() or control.command == "stop":
                 return False
-            if time.monotonic() - self._told_s >= STATUS_EVERY_S:
+            if time.monotonic() - self._reported_s >= STATUS_EVERY_S:
                 writer.flush()
                 state: State = "paused" if control.command == "pause" else "running"
                 self._tell(SeedProgress(seed, episode, share, speed_mps, state))
-                self._told_s = time.monotonic()
+                self._reported_s = time.monotonic()
             pace_s = 0.0 if control.episodes_per_s is None else 1 / control.episodes_per_s
             wait_s = asked_s + pace_s - time.monotonic()
             if control.command == "run" and wait_s <= 0:

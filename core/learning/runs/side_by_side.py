@@ -1,4 +1,4 @@
-"""The seeds of a run side by side: each is a piece of work, with the same files as if they came one after the other."""
+"""Parallel training of a run's seeds, one task each, with the same files as in sequence."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from core.learning.runs.run_files import read_lines, read_run, seed_files
 from core.learning.runs.seed_process import SeedProcess, SeedProgress
 from core.learning.runs.status_writer import StatusWriter
 
-TOLD_EVERY_S: Final = 1.0
+REPORT_EVERY_S: Final = 1.0
 
 
 def train_side_by_side(
@@ -52,9 +52,11 @@ class TrainSeed:
     run: Path
 
     def __call__(self, seed: int, control: TaskControl) -> bool:
-        """Whether it is finished, and not stopped on the way; see `SeedProcess` for the errors."""
+        """Whether it finished, rather than being stopped; see `SeedProcess` for the errors."""
         with one_torch_thread():
-            seeds = SeedProcess(self.run, read_run(self.run), lambda told: control(told.share), control.stopped)
+            seeds = SeedProcess(
+                self.run, read_run(self.run), lambda seed_progress: control(seed_progress.share), control.stopped
+            )
             return seeds.train(seed)
 
 
@@ -63,7 +65,7 @@ def _name(seed: int) -> str:
 
 
 class _Watch:
-    """What those who look at the run are told meanwhile, and what the workers are told of a stop."""
+    """Writes the run's status while seeds train in parallel, and passes on a stop."""
 
     def __init__(
         self,
@@ -76,33 +78,33 @@ class _Watch:
         self._run, self._config, self._teller = run, config, teller
         self._progress, self._stopped = progress, stopped
         self._left = list(range(config.first_seed, config.first_seed + config.seeds))
-        self._share, self._told_s = 0.0, -TOLD_EVERY_S
+        self._share, self._reported_s = 0.0, -REPORT_EVERY_S
         self._any_stopped = False
 
     def done(self, number: int, finished: bool) -> None:
-        """A seed has ended; one that was stopped is done for this time, and no share of the whole."""
+        """Record the end of a seed; a stopped one does not count as done."""
         if finished:
             self._left.remove(self._config.first_seed + number)
         self._any_stopped |= not finished
 
     def look(self) -> bool:
-        """Whether workers are to be cut off: never. A stop is told to them, and they save what they have."""
+        """Pass a stop to the workers, which then save and end; always False: they are not killed."""
         if self._stopped() and read_control(self._run).command != "stop":
             write_control(self._run, Control("stop"))
         return False
 
     def tell(self, share: float) -> None:
-        """How far all seeds together are."""
+        """Report the progress of all seeds together."""
         if self._any_stopped:
             return
         self._share = share
         self._progress(share)
-        if time.monotonic() - self._told_s >= TOLD_EVERY_S:
-            self._told_s = time.monotonic()
+        if time.monotonic() - self._reported_s >= REPORT_EVERY_S:
+            self._reported_s = time.monotonic()
             self.tell_at_once("paused" if read_control(self._run).command == "pause" else "running")
 
     def tell_at_once(self, state: State) -> None:
-        """The first seed that is not finished, and the share of all."""
+        """Report the first unfinished seed, and the share of all."""
         config = self._config
         seed = self._left[0] if self._left else config.first_seed + config.seeds - 1
         lines, _ = read_lines(seed_files(self._run, seed).metrics)

@@ -1,4 +1,4 @@
-"""What a run tells those who watch it: how far it is, how much longer it will take, and how it ended."""
+"""Writer of a run's status: progress, time left, and how it ended."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from core.learning.runs.seed_process import SeedProgress
 
 
 class StatusWriter:
-    """Writes the status of a run that this process holds; what it last said is kept where nothing newer is known.
+    """Writes the status of a run locked by this process; unknown fields keep their last values.
 
     Every method but `failed` raises OSError if the file cannot be written.
     """
@@ -27,7 +27,7 @@ class StatusWriter:
         self._status = read_status(run) or fresh
 
     def tell(self, at: SeedProgress, share: float) -> None:
-        """Where the run is: in which seed, and which share of all seeds is done."""
+        """Write the current seed, and the share of all seeds that is done."""
         if self._first_share is None:
             self._first_share = share
         gone = share - self._first_share
@@ -37,12 +37,12 @@ class StatusWriter:
         self._write(now)
 
     def ended(self, state: State) -> None:
-        """It was stopped, or is finished."""
+        """Write that it was stopped or is finished."""
         whole = {"share": 1.0, "seconds_left": 0.0} if state == "finished" else {}
         self._write(replace(self._status, state=state, pid=os.getpid(), message="", **whole))
 
     def failed(self, message: str) -> None:
-        """Why it ended, if that can still be written."""
+        """Write the error that ended it, if possible."""
         with suppress(OSError):
             self._write(replace(self._status, state="failed", pid=os.getpid(), message=message))
 

@@ -1,4 +1,4 @@
-"""The figures of a finished run: per speed, over all its seeds, last policy or best, with trivial ones beside."""
+"""Results of a finished run per speed over all its seeds, for the last or best policy, with trivial policies."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def evaluate_run(
     policies = [load_policy(run, seed, which) for seed in seeds]
     environment = environment or config.environment
     speeds = speeds_mps or sorted(set(config.curriculum.speeds_mps))
-    # Baselines know the truth anyway, and nobody has to see their balls.
+    # Baselines know the truth, so their balls need no perception.
     known = environment if backend is None else dataclasses.replace(environment, state_source="truth", outcomes="told")
     evaluator = PolicyEvaluator(known, balls or config.evaluation_balls)
     done, steps = 0, len(speeds) * len(policies)
@@ -130,7 +130,7 @@ def baseline_row(evaluator: PolicyEvaluator, speed_mps: float, environment: Envi
 
 
 def rounded_number(value: float) -> float | None:
-    """For JSON: None for what is not known."""
+    """Number for JSON; None if unknown."""
     return float(value) if math.isfinite(value) else None
 
 

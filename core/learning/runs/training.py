@@ -25,7 +25,7 @@ from core.learning.task.reward import episode_rewards, reward_weights
 from core.physics.episode import Case
 
 BALLS, CHOICES = 0, 1
-"""Streams of random numbers of a seed: what the world deals, and what the learner draws."""
+"""Random streams of a seed: one for the balls, one for the learner."""
 
 
 class Training:
@@ -41,7 +41,7 @@ class Training:
         self._action_size = action_size(config.environment)
         self._buffer = ReplayBuffer(config.episodes, config.environment.state, self._action_size)
         self.episode = 0
-        """Done in all stages."""
+        """Episodes done in all stages."""
         self._stage = 0
         self._stage_episode = 0
         self._recent = np.zeros(config.curriculum.converged_window, np.bool_)
@@ -50,12 +50,12 @@ class Training:
 
     @property
     def finished(self) -> bool:
-        """The last stage is over."""
+        """Whether the last stage is over."""
         return self._stage == len(self.config.curriculum.speeds_mps)
 
     @property
     def share(self) -> float:
-        """Share of the run that is over, at most: stages that converge early shorten it."""
+        """Share of the run that is done, an upper bound: stages that converge early shorten it."""
         curriculum = self.config.curriculum
         return (sum(curriculum.episodes[: self._stage]) + self._stage_episode) / self.config.episodes
 
@@ -67,7 +67,7 @@ class Training:
 
     @property
     def policy(self) -> Policy:
-        """The policy as it is now."""
+        """Current policy."""
         return self._agent.policy()
 
     def play_episode(self) -> dict[str, object]:
@@ -136,7 +136,7 @@ class Training:
             self._deliveries = self._deal()
 
     def _deal(self) -> ServeBatch:
-        """All balls of this stage: the same for every agent with this seed."""
+        """Draw all balls of this stage, the same for every agent with this seed."""
         curriculum = self.config.curriculum
         rng = np.random.default_rng([self.seed, BALLS, self._stage])
         return draw_serve_batch(
@@ -144,7 +144,7 @@ class Training:
         )
 
     def to_checkpoint(self) -> tuple[dict[str, NDArray[np.generic]], dict[str, object]]:
-        """Arrays and plain values to go on from, bit for bit."""
+        """Arrays and plain values from which training continues bit-exactly."""
         arrays = pack_arrays(self._agent, self._buffer)
         arrays["recent"] = self._recent.copy()
         about: dict[str, object] = {

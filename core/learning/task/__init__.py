@@ -1,1 +1,1 @@
-"""The one-step task: environment, perception of the ball, reward, and where balls are played."""
+"""The one-step task: environment, perception of the ball, reward, and episode backends."""

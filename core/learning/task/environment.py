@@ -1,4 +1,4 @@
-"""The one-step task for many balls at once: deliver serves, let the learner see them, play its strokes.
+"""The one-step task for many balls at once: sample serves, observe them, play strokes.
 
 A delivery holds everything random about an episode (the serve, the target, the noise), so that playing an action is
 deterministic: the same balls evaluate every policy, and a resumed run meets the same ones.
@@ -25,14 +25,14 @@ from core.simulation.episodes.serve import draw_serves
 Array = NDArray[np.float64]
 
 EVALUATION_SEED = 20260404
-"""Of the fixed balls that every policy is evaluated on; training seeds never meet it."""
+"""Seed of the fixed balls that every policy is evaluated on; no training uses it."""
 VALIDATION_SEED = 20260405
-"""Of the balls by which the best policy of a run is chosen: others than it is then evaluated on."""
+"""Seed of the balls by which a run's best policy is chosen; they differ from the evaluation's."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ServeBatch:
-    """Balls on their way to the robot, with what the learner knows of them and what the world holds in store."""
+    """Sampled serves with the learner's observations and all other random numbers of their episodes."""
 
     speed_mps: float
     serves: Serves
@@ -50,7 +50,7 @@ class ServeBatch:
     action_errors: Array
     """(N, 3) what the actuator adds, in units of the action."""
     turn_s: Array | None = None
-    """(N,) left for the racket to turn after the decision; None: as much as it needs."""
+    """(N,) time left for the racket to turn after the decision, s; None: unlimited."""
 
     def __len__(self) -> int:
         return len(self.states)
@@ -120,7 +120,7 @@ def draw_goals(count: int, config: GoalConfig, rng: np.random.Generator) -> Arra
 
 
 def play(deliveries: ServeBatch, actions: Array, config: EnvironmentConfig) -> Outcomes:
-    """What comes of actions (N, 3) in [-1, 1], one per ball; every row is played on its own."""
+    """Outcomes of actions (N, 3) in [-1, 1], one per ball; rows are independent."""
     strokes = strokes_of(deliveries, actions, config)
     if config.engine == "mujoco":
         from core.simulation.episodes.mujoco_episode import simulate_episodes_mujoco
@@ -160,7 +160,7 @@ def action_size(config: EnvironmentConfig) -> int:
 
 
 def racket_speeds_of(actions: Array, racket_speeds_mps: Array) -> Array:
-    """(N,) how fast the racket moves: as the fourth part of actions (N, 4) says, else as the table does (N,)."""
+    """(N,) racket speed: from the fourth part of actions (N, 4), else from the table (N,)."""
     if actions.shape[1] == 3:
         return racket_speeds_mps
     low, high = CHOSEN_MPS
@@ -187,18 +187,20 @@ def strokes_of(deliveries: ServeBatch, actions: Array, config: EnvironmentConfig
 
 
 def evaluation_balls(speed_mps: float, count: int, config: EnvironmentConfig) -> ServeBatch:
-    """The fixed balls of a speed that policies are compared on; nobody may change them."""
+    """Fixed balls of a speed on which policies are compared; read-only."""
     return _fixed_balls(EVALUATION_SEED, speed_mps, count, config, "test")
 
 
 def validation_balls(speed_mps: float, count: int, config: EnvironmentConfig) -> ServeBatch:
-    """The fixed balls of a speed by which one of a run's policies is chosen; nobody may change them."""
+    """Fixed balls of a speed by which a run's best policy is chosen; read-only."""
     return _fixed_balls(VALIDATION_SEED, speed_mps, count, config, "validation")
 
 
 def _fixed_balls(seed: int, speed_mps: float, count: int, config: EnvironmentConfig, part: BallPart) -> ServeBatch:
-    """Made once for all seeds that a process trains: to see 500 balls in time takes as long as to train on 500."""
-    made = _deal if config.recorded else _deal_once  # files of recorded balls may change
+    """Fixed balls, cached for all seeds of a process: timed perception of 500 balls takes as long as training on
+    them.
+    """
+    made = _deal if config.recorded else _deal_once  # recorded files may change
     return made(seed, speed_mps, count, config, part)
 
 

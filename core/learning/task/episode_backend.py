@@ -1,4 +1,4 @@
-"""Where served balls are met and struck: in the closed-form simulator, which needs microseconds, or somewhere slower
+"""Backends that observe and play balls: the closed-form simulator, which needs microseconds, or something slower
 that plays the same task, ball by ball: through the event cameras, or in a simulation server.
 """
 
@@ -19,30 +19,30 @@ Array = NDArray[np.float64]
 
 
 class EpisodeBackend(Protocol):
-    """Takes balls one at a time: `meet`, then `play` the same ball."""
+    """Plays balls one at a time: `observe`, then `play` the same ball."""
 
     def begin(self, seed: int) -> None:
-        """Start anew: from here on, equal balls are seen equally after an equal seed."""
+        """Restart: equal seeds then give equal observations of equal balls."""
         ...
 
     def observe(self, delivery: ServeBatch) -> ServeBatch:
-        """Serve the one ball of `delivery` and give it back with what is seen of it, up to the decision."""
+        """Serve the one ball of `delivery`; returns it with the observations up to the decision."""
         ...
 
     def play(self, delivery: ServeBatch, action: Array) -> Outcomes:
-        """What comes of the action (1, 3) on the ball that `meet` gave."""
+        """Outcome of the action (1, 3) on the observed ball."""
         ...
 
     def close(self) -> None:
-        """Give back threads and connections."""
+        """Close threads and connections."""
         ...
 
 
 class ClosedFormBackend:
-    """The simulator of `environment`: a delivery already holds what is seen of its ball."""
+    """The simulator of `environment`: a batch already contains its observations."""
 
     def __init__(self, config: EnvironmentConfig) -> None:
-        """Raises ConfigError for a source of states that only the chain of event cameras has."""
+        """Raise ConfigError for a state source that needs event cameras."""
         if config.state_source == "events":
             raise ConfigError(
                 "states from events need event cameras",
@@ -52,10 +52,10 @@ class ClosedFormBackend:
         self._config = config
 
     def begin(self, seed: int) -> None:
-        """Nothing is random here."""
+        """Do nothing: nothing is random here."""
 
     def observe(self, delivery: ServeBatch) -> ServeBatch:
-        """Give back the delivery, which already holds what is seen."""
+        """Return the batch, which already contains its observations."""
         return delivery
 
     def play(self, delivery: ServeBatch, action: Array) -> Outcomes:
@@ -63,11 +63,11 @@ class ClosedFormBackend:
         return play(delivery, action, self._config)
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Do nothing."""
 
 
 def observe_all(backend: EpisodeBackend, deliveries: ServeBatch) -> ServeBatch:
-    """Many balls, each as the court saw it, to be played in closed form: what is seen does not depend on the action."""
+    """Observe many balls, to be played in closed form: observations do not depend on the action."""
     met = [backend.observe(deliveries[i : i + 1]) for i in range(len(deliveries))]
     aims = [(one.aim_ps_m, one.aim_t_s) for one in met]
     known = [(p, t) for p, t in aims if p is not None and t is not None]

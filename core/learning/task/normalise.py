@@ -17,7 +17,8 @@ STATE_SCALE: Final = np.array([0.1, 0.25, 0.1, 2.2, 0.5, 0.9])
 SPIN_CENTRE_RADPS: Final = np.array([0.0, -120.0, 0.0])
 SPIN_SCALE_RADPS: Final = 100.0
 SPIN_SIGMA_SCALE_RADPS: Final = 20.0
-"""Of the spin at the hitting plane, where a state has it (the table turns every ball forwards), and its uncertainty."""
+"""Scale of the spin at the hitting plane, where a state has it (the table gives every ball topspin), and its
+uncertainty."""
 STATE_SIZES: Final[dict[StateKind, int]] = {"plain": 6, "spin": 12}
 """Numbers of a state: p_c and v_c; with spin also the spin and its standard deviations, both (3,) in rad/s."""
 STATE_LIMIT: Final = 10.0
@@ -27,10 +28,10 @@ GOAL_SCALE: Final = np.array([0.325, 0.45])
 """The default target box becomes [-1, 1]."""
 RACKET_CENTRE: Final = 1.0
 RACKET_SCALE: Final = 1.4
-"""Of the racket speed (m/s)."""
+"""Scale of the racket speed (m/s)."""
 LANDING_CENTRE: Final = np.array([0.7, 0.0, 0.3])
 LANDING_SCALE: Final = np.array([0.8, 0.5, 0.3])
-"""Of landing point and height at the net (m), the outputs of the landing model."""
+"""Scales of landing point and height at the net (m), the outputs of the landing model."""
 
 
 _SPIN_CENTRE: Final = np.concatenate([STATE_CENTRE, SPIN_CENTRE_RADPS, np.zeros(3)])
@@ -56,7 +57,7 @@ def normal_racket_speeds(speeds_mps: NDArray[np.floating]) -> Floats:
 def normal_observations(
     states: NDArray[np.floating], goals_m: NDArray[np.floating], racket_speeds_mps: NDArray[np.floating] | None = None
 ) -> Floats:
-    """What an actor is given: state, the racket's speed (N,) if it knows that, and goal; (N, 8) or (N, 9) float32.
+    """Input of an actor: state, the racket's speed (N,) if used, and goal; (N, 8) or (N, 9) float32.
 
     A state with spin adds six columns.
     """

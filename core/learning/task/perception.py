@@ -1,4 +1,4 @@
-"""How the learner gets to know an arriving ball: p_c, v_c and the time at which the racket must be there."""
+"""Perception of an arriving ball: p_c, v_c and the time of arrival."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ def predict_serves(serves: Serves, arrivals: Arrivals, step_s: float, config: Ta
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PerceivedArrivals:
-    """What is known of arriving balls before the stroke."""
+    """Perceived states of arriving balls before the stroke."""
 
     seen: NDArray[np.bool_]
-    """(N,) whether there is anything to decide on; a ball that was not seen is missed."""
+    """(N,) whether the ball was seen; an unseen ball is missed."""
     states: Array
     """(N, 6) p_c and v_c at the hitting plane, with spin (N, 12); zeros where not seen."""
     aim_ps_m: Array | None
@@ -52,7 +52,7 @@ class PerceivedArrivals:
     aim_t_s: Array | None
     """(N,) when it is there."""
     turn_s: Array | None = None
-    """(N,) left for the racket to turn after the decision; None: as much as it needs."""
+    """(N,) time left for the racket to turn after the decision, s; None: unlimited."""
 
 
 def perceive(

@@ -1,4 +1,4 @@
-"""How the points of two event cameras err: by a part that place and motion of the ball explain, and by chance.
+"""Error model of stereo points of event cameras: a part explained by position and motion of the ball, and noise.
 
 The explained part is cubic in place and velocity (a fast edge is seen ahead of the ball, a lit one too high). What is
 left has a bias per flight, a drift with a time constant, and noise from point to point, before and after the bounce.
@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 MOTION_SCALE: Final = np.array([1.0, 1.0, 1.0, 5.0, 2.0])
-"""Of x, y, z and the velocity along x and z, which explain errors; along y a ball hardly moves."""
+"""Scales of the variables that explain errors: x, y, z and the velocity along x and z (along y a ball hardly moves)."""
 DEGREE: Final = 3
 FEATURES: Final = 56
-"""Products of up to so many of the five."""
+"""Largest degree of the products of the five variables."""
 NEAR_BOUNCE_S: Final = 0.004
-"""Points so near a bounce are of windows that may hold both sides of it; the filter leaves them out."""
+"""Points this close to a bounce may contain both sides of it; the filter ignores them."""
 FEWEST: Final = 8
-"""Points of a stage of a flight that say something of their scatter."""
+"""Fewest points of a stage of a flight for an estimate of their scatter."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,14 +81,14 @@ def place_and_motion(t_s: Array, truth_m: Array) -> Array:
 
 
 def fit_point_errors(flights: Sequence[SeenFlight]) -> PointErrors:
-    """The errors of flights that were seen, split into these parts."""
+    """Fit the error model to observed flights."""
     explained, bias, drift, noise, times = [], [], [], [], []
     for stage in (0, 1):
         parts = [_of_stage(flight, stage) for flight in flights]
         parts = [part for part in parts if len(part[0]) >= FEWEST]
         features = np.vstack([place_and_motion(t, p) for t, p, _ in parts])
         errors_mm = 1e3 * np.vstack([e for _, _, e in parts])
-        # A little ridge: the plane of a launch hardly varies, and no coefficient may run away for it.
+        # A small ridge: the launch position hardly varies, and coefficients must stay bounded.
         scale = features.std(axis=0) + 1e-9
         ridge = np.diag(np.r_[0.0, np.full(FEATURES - 1, 1e-3)] * scale**2 * len(features))
         found = np.linalg.solve(features.T @ features + ridge, features.T @ errors_mm)
@@ -112,7 +112,7 @@ def _of_stage(flight: SeenFlight, stage: int) -> tuple[Array, Array, Array]:
 
 
 def _time_constant_s(t_s: Array, left_mm: Array) -> float:
-    """How long what is left stays alike: where its correlation along the flight falls to 1 / e."""
+    """Time constant of the residuals: their correlation along the flight falls to 1 / e."""
     one = left_mm - left_mm.mean(axis=0)
     power = float((one * one).sum())
     for lag in range(1, len(one) - 1):
@@ -247,5 +247,5 @@ MEASURED: Final = PointErrors(
     drift_s=0.006,
     noise=np.array([[0.066, 0.080, 0.068], [0.047, 0.094, 0.055]]),
 )
-"""Of the chain with the detector `refined`, cameras of the `side` placement: fitted to 242 standard serves at 3, 5 and
-9 m/s, the even ones of `rallyscope bench state-errors`, which prints a fit to as many as it is told to."""
+"""Errors of the chain with the detector `refined` and cameras of the `side` placement: fitted to 242 standard serves at
+3, 5 and 9 m/s, the even ones of `rallyscope bench state-errors`, which prints a fit to as many as it is told to."""

@@ -1,4 +1,4 @@
-"""Which racket speed belongs to an arriving ball: the table of the serve speeds, read by the speed of arrival."""
+"""Racket speed for an arriving ball: the table of serve speeds, indexed by the speed of arrival."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def racket_table(config: RunConfig) -> tuple[Floats, Floats]:
 
 
 def racket_speeds(arrivals: Arrivals, task: TaskConfig) -> NDArray[np.float64]:
-    """(N,) how fast the racket meets balls that arrive in any way."""
+    """(N,) racket speed for arriving balls, m/s."""
     return np.interp(-arrivals.states[:, 3], *_whole_table(task))
 
 

@@ -75,7 +75,7 @@ def part_of_flights(count: int) -> NDArray[np.int8]:
 
 @functools.lru_cache(maxsize=4)
 def _parts(files: tuple[tuple[Path, int], ...], task: TaskConfig) -> tuple[RecordedBalls, ...]:
-    """By `PARTS`; files that changed are read again."""
+    """Balls by part, see `PARTS`; changed files are read again."""
     read = [read_ball_states(path) for path, _ in files]
     balls, part = join_serves(read), np.concatenate([part_of_flights(len(one)) for one in read])
     flown = fly_incoming(balls, task).arrivals

@@ -1,4 +1,4 @@
-"""What an outcome is worth by the reward that a config names."""
+"""Reward of an outcome, by the reward that a config names."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is known of a ball when the stroke has to be decided: as before event cameras, without rendering any event.
+"""State of a ball at the time of the decision, as perceived by event cameras, without rendering events.
 
 Points in space come window by window and err as those of the chain; the chain's own predictor takes them, finds the
 bounce itself, and is asked at the end of every block. The racket sets off on the first prediction and follows every
@@ -33,12 +33,12 @@ from core.trajectory.stereo_filters import refined_filter
 Array = NDArray[np.float64]
 
 COVARIANCE_M2: Final = np.diag([0.13e-3, 0.34e-3, 0.21e-3]) ** 2
-"""What the chain's triangulation says of its points (median); the filter adds what it knows of their errors."""
+"""Median covariance of the chain's triangulated points; the filter adds its own error terms."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StatesInTime:
-    """What is known of N balls at their decisions; zeros and NaN of one that was not predicted in time."""
+    """States of N balls at their decisions; zeros and NaN for a ball that was not predicted in time."""
 
     seen: NDArray[np.bool_]
     states: Array
@@ -70,7 +70,7 @@ def observe_in_time(
     until_s = np.broadcast_to(t_s, (n, len(t_s)))
     truth_m = sample_serves(serves, arrivals, np.minimum(until_s, arrivals.t_s[:, None]), config.task)
     errors_m = timing.error_scale * MEASURED.draw(t_s, truth_m, arrivals.bounce_t_s, rng)
-    # What the cameras do not see yet is no point.
+    # No points before the cameras see the ball.
     points_m = np.where(truth_m[..., :1] < timing.seen_from_x_m, truth_m + errors_m, np.nan)
     found = StatesInTime(
         np.zeros(n, np.bool_),
@@ -97,7 +97,7 @@ def make_predictor(config: EnvironmentConfig) -> Predictor:
             replace(predictor_for("real") if physics.has_air else published_predictor(), hit_x_m=hit_x_m)
         )
     air, table = physics.air, physics.table
-    told = replace(
+    filter_config = replace(
         with_physics(refined_filter(), name),
         drag=air.drag_coefficient,
         magnus=air.magnus_coefficient,
@@ -105,7 +105,7 @@ def make_predictor(config: EnvironmentConfig) -> Predictor:
         friction=table.friction,
         perhaps_real=False,
     )
-    return FilterPredictor(told, hit_x_m=hit_x_m)
+    return FilterPredictor(filter_config, hit_x_m=hit_x_m)
 
 
 def _watch(
@@ -130,9 +130,9 @@ def _watch(
         newest = None
         while k < len(t_s) and t_s[k] <= end_s:
             if np.isfinite(points_m[k, 0]):
-                said = predictor.add(round(1e6 * t_s[k]), points_m[k], COVARIANCE_M2)
-                if said is not None and said.hit_plane is not None:
-                    newest = said.hit_plane
+                prediction = predictor.add(round(1e6 * t_s[k]), points_m[k], COVARIANCE_M2)
+                if prediction is not None and prediction.hit_plane is not None:
+                    newest = prediction.hit_plane
             k += 1
         if newest is not None:
             seen = newest
@@ -148,7 +148,7 @@ def _watch(
 
 
 class FollowingRacket:
-    """The racket on its way to where a ball is expected, within the limits of `RacketConfig`; it starts at rest."""
+    """A racket that follows the predicted ball within the limits of `RacketConfig`; it starts at rest."""
 
     def __init__(self, q_wxyz: Array, speed_mps: float, config: RacketConfig | None = None) -> None:
         self._config = config or RacketConfig()
@@ -165,7 +165,7 @@ class FollowingRacket:
             return
 
     def move(self, t_s: float) -> None:
-        """Go on to this time."""
+        """Simulate up to this time."""
         if self._target is not None:
             self._state = move_racket(self._state, self._target, self._now_s, t_s - self._now_s, self._config, self._q)
         self._now_s = t_s

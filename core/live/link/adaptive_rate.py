@@ -1,4 +1,5 @@
-"""An honest pace: a simulation that is too slow for what is asked settles on 3/4, 1/2, 1/3 ... of it, and says so.
+"""Adaptive rate: a simulation that is too slow for the requested speed runs at 3/4, 1/2, 1/3 ... of it, and reports
+that.
 
 Without that it would run as fast as it can, now a little faster and now a little slower, and the ball would stutter. It
 slows down when it lost time in two looks one after the other, or very much in one, and tries the fastest pace at which
@@ -11,26 +12,26 @@ from dataclasses import dataclass
 from typing import Final
 
 LOOK_S: Final = 1.0
-"""So long it looks before it judges; a ball flies for about as long."""
+"""Length of a measurement, s; a ball flies for about as long."""
 SLOW: Final = 0.9
-"""A look in which it reached less than this share of its pace was slow."""
+"""A measurement below this share of the rate counts as slow."""
 VERY_SLOW: Final = 0.6
-"""One such look is enough."""
+"""A measurement below this share reduces the rate at once."""
 EASY: Final = 0.8
-"""Share of the time that the work may take at a faster pace so that it looks possible."""
+"""Largest load at a faster rate for which it is tried."""
 FIRST_TRIAL_BLOCKS: Final = 5
-"""Easy looks one after the other before it tries a faster pace."""
+"""Consecutive blocks with low load before a faster rate is tried."""
 MAX_TRIAL_BLOCKS: Final = 60
 SETTLED_LOOKS: Final = 30
-"""A try that lasted for so many looks did not fail."""
+"""Measurements after which a tried rate counts as held."""
 SHARES: Final = (1, 3 / 4, 1 / 2, 1 / 3, 1 / 4, 1 / 6, 1 / 8, 1 / 12, 1 / 16, 1 / 24, 1 / 32, 1 / 48, 1 / 64)
-"""Of the pace that is asked for; at 3 m/s and the last one a flight takes a minute."""
+"""Shares of the requested speed that are tried; at 3 m/s and the last one a flight takes a minute."""
 ROUNDING: Final = 1.01
 
 
 @dataclass(slots=True)
 class AdaptiveRate:
-    """What share of the speed that is asked for the simulation runs at. Times are seconds on the wall."""
+    """Chooses the share of the requested speed at which the simulation runs. Times are wall times in s."""
 
     share: float = 1.0
     """One of `SHARES`."""
@@ -41,12 +42,12 @@ class AdaptiveRate:
     _slow: int = 0
     _easy: int = 0
     _looks: int = 0
-    """At this pace."""
+    """Measurements at this rate."""
     _trying: bool = False
-    """It has come to this pace from a slower one."""
+    """Whether this speed is being tried after a slower one."""
 
     def ask_anew(self) -> None:
-        """Another speed is asked for, or another scene: forget what was learnt."""
+        """Reset for another speed or scene."""
         self._patience = FIRST_TRIAL_BLOCKS
         self._change(1.0, trying=False)
 
@@ -88,7 +89,7 @@ class AdaptiveRate:
 
 
 def pace_words(factor: float) -> str:
-    """A pace as people say it: "real time", "3/4 speed", "1/2 speed", "3 x real time"."""
+    """Readable text of a rate: "real time", "3/4 speed", "1/2 speed", "3 x real time"."""
     if abs(factor - 1.0) < 1e-9:
         return "real time"
     if abs(factor - 0.75) < 1e-9:

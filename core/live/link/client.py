@@ -1,4 +1,4 @@
-"""The other end: commands with time-outs, and everything that is published, handed to listeners as it arrives."""
+"""Client of the simulation link: commands with time-outs, and published messages for listeners."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from core.physics.config import PhysicsConfig
 logger = logging.getLogger(__name__)
 
 LOST_S: Final = 1.0
-"""Without a sign of life for so long, the server counts as lost; it beats ten times a second."""
+"""Time without a heartbeat after which the server counts as lost; it sends ten per second."""
 SILENT_S: Final = 60.0
-"""So long a server that listens may be silent when hands are shaken: it is being started on a slow machine."""
+"""Longest silence of a listening server during the handshake: it may be starting on a slow machine."""
 EVERYTHING: Final = b""
 """All topics."""
 ASK_AGAIN_S: Final = 0.2
 SCENE_S: Final = 30.0
-"""The answer to a new scene comes when every pixel has its picture: half a second in quiet."""
+"""Timeout of the reply to a new scene, which is rendered first: half a second on an idle machine."""
 
 
 class SimulationClient:
@@ -73,13 +73,13 @@ class SimulationClient:
         self._watch: HandshakeWatch | None = None
         self._listeners = LinkListeners()
         self._stop = threading.Event()
-        self._heard_s = 0.0
+        self._received_s = 0.0
         self._last_seq = 0
         self._listening = True
         self.lost_messages = self.rejected_messages = 0
         """Published messages that never came; messages that came and were no messages."""
         self.state: m.WorldState | None = None
-        """The latest."""
+        """Latest state."""
         try:
             self.welcome = self._shake_hands(preparing)
         except BaseException:
@@ -96,21 +96,21 @@ class SimulationClient:
 
     @property
     def status(self) -> SourceStatus:
-        """Whether the server is there."""
-        return "connected" if time.monotonic() - self._heard_s < LOST_S else "lost"
+        """Connection status."""
+        return "connected" if time.monotonic() - self._received_s < LOST_S else "lost"
 
     @property
     def physics(self) -> PhysicsConfig:
-        """How balls fly and bounce over there; the paper's way, if the server does not say."""
+        """Physics of the server; the paper's if it does not state one."""
         return self.welcome.physics or PhysicsConfig()
 
     def add_listener(self, listener: LinkListener) -> None:
-        """From now on; it hears of the present session at once."""
+        """Add a listener; it gets the present session at once."""
         with self._lock:
             self._listeners.add(listener, self.welcome)
 
     def remove_listener(self, listener: LinkListener) -> None:
-        """It hears nothing after this."""
+        """Remove a listener."""
         with self._lock:
             self._listeners.remove(listener)
 
@@ -128,7 +128,7 @@ class SimulationClient:
     def launch(
         self, p_m: tuple[float, ...], v_mps: tuple[float, ...], spin_radps: tuple[float, ...] = (0.0, 0.0, 0.0)
     ) -> m.Reply:
-        """Serve a ball from exactly here, exactly so."""
+        """Serve a ball with exactly this state."""
         return self.ask(lambda number: m.Serve(id=number, p_m=p_m, v_mps=v_mps, spin_radps=spin_radps))
 
     def aim_racket(
@@ -146,11 +146,11 @@ class SimulationClient:
         return self.ask(lambda number: m.Pause(id=number))
 
     def resume(self) -> m.Reply:
-        """Let it run."""
+        """Resume the simulated clock."""
         return self.ask(lambda number: m.Resume(id=number))
 
     def step(self, blocks: int = 1) -> m.Reply:
-        """Some blocks further, then pause."""
+        """Run some blocks, then pause."""
         return self.ask(lambda number: m.SingleStep(id=number, blocks=blocks))
 
     def set_speed(self, factor: float) -> m.Reply:
@@ -166,7 +166,7 @@ class SimulationClient:
         return self.ask(lambda number: m.SetScene(id=number, scene=scene), timeout_s=SCENE_S)
 
     def auto_serve(self, speed_mps: float) -> m.Reply:
-        """Serve again and again at this speed; 0 stops."""
+        """Serve repeatedly at this speed; 0 stops."""
         return self.ask(lambda number: m.AutoServe(id=number, speed_mps=speed_mps))
 
     def reset(self, seed: int | None = None) -> m.Reply:
@@ -190,7 +190,7 @@ class SimulationClient:
                 self._socket.connect(self._commands_address)
             until_s = time.monotonic() + (timeout_s or self._timeout_s)
             self._socket.setsockopt(zmq.SNDTIMEO, _ms_until(until_s))
-            with contextlib.suppress(zmq.Again):  # whom the server has refused already can send nothing, ever
+            with contextlib.suppress(zmq.Again):  # a refused client cannot send any more
                 self._socket.send(m.encode(command(number)))
             while self._socket.poll(_ms_until(until_s)):
                 reply = m.decode(self._socket.recv(), {"reply": m.Reply})
@@ -202,7 +202,7 @@ class SimulationClient:
                     raise LinkError(reply.error, where=self.address)
                 return reply
             refused = self._watch is not None and self._watch.refused()
-            self._drop_socket()  # what was sent must not reach a later server
+            self._drop_socket()  # the command must not reach a later server
         if refused:
             remedy = "give --keys the folder that `rallyscope sim-server --make-keys` made for this client"
             raise RefusedError("a server is there, but its keys and ours do not fit", where=self.address, remedy=remedy)
@@ -210,7 +210,7 @@ class SimulationClient:
         raise NoAnswerError("no answer from a simulation server", where=self.address, remedy=remedy)
 
     def close(self) -> None:
-        """Hang up."""
+        """Disconnect."""
         self._stop.set()
         self._thread.join()
         with self._asking:
@@ -218,7 +218,7 @@ class SimulationClient:
             self._context.destroy(linger=0)
 
     def _shake_hands(self, preparing: Callable[[float], None]) -> m.Reply:
-        """A server that compiles answers so; one that is only just starting on a slow machine at least listens."""
+        """Handshake; a compiling server replies so, and one that is just starting at least listens."""
         silent_until_s = time.monotonic() + SILENT_S
         while True:
             try:
@@ -255,15 +255,15 @@ class SimulationClient:
         socket.setsockopt(zmq.RECONNECT_IVL_MAX, 500)
         secure(socket, self._keys)
         socket.connect(self.address)
-        heard: bytes | None = None
+        subscribed: bytes | None = None
         try:
             while not self._stop.is_set():
                 topic = EVERYTHING if self._listening else m.ALIVE
-                if topic != heard:
+                if topic != subscribed:
                     socket.subscribe(topic)
-                    if heard is not None:
-                        socket.unsubscribe(heard)
-                    heard, self._last_seq = topic, 0  # what was not asked for is not lost
+                    if subscribed is not None:
+                        socket.unsubscribe(subscribed)
+                    subscribed, self._last_seq = topic, 0  # messages of other topics do not count as lost
                 if not socket.poll(100):
                     continue
                 *_, data = socket.recv_multipart()
@@ -278,13 +278,13 @@ class SimulationClient:
     def _dispatch(self, message: m.WorldState | m.EventBatch | m.Notice) -> None:
         if isinstance(message, m.Reply):
             raise LinkError("a reply was published")
-        self._heard_s = time.monotonic()
+        self._received_s = time.monotonic()
         welcome = self.welcome
         fresh = message.session != welcome.session
         if fresh:
             welcome = self.ask(lambda number: m.Hello(id=number))
             if welcome.session != message.session:
-                return  # left over from a session that is over
+                return  # from an earlier session
         with self._lock:
             if fresh:
                 self.welcome, self._last_seq = welcome, 0

@@ -1,4 +1,4 @@
-"""What a simulation server can be told; each is answered with a Reply that has its `id`."""
+"""Commands of a simulation server; each is answered with a Reply with its `id`."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from core.simulation.scenes.scene import SCENES
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hello:
-    """Asks who is there."""
+    """Handshake."""
 
     id: int = whole(0, WALL_NS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Serve:
-    """Serve a ball: drawn for a speed, or launched exactly as told. A ball still in play is taken away."""
+    """Serve a ball: drawn for a speed, or with a given state. A ball still in play is removed."""
 
     id: int = whole(0, WALL_NS)
     speed_mps: float = bounded_number(3.0, 9.0, default=5.0)
@@ -66,7 +66,7 @@ class Resume:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SingleStep:
-    """Pause, after some more blocks."""
+    """Run some blocks, then pause."""
 
     id: int = whole(0, WALL_NS)
     blocks: int = whole(1, 1000, default=1)
@@ -90,7 +90,7 @@ class SetNoise:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SetScene:
-    """What the cameras look at, from the next block on."""
+    """Scene of the cameras, from the next block on."""
 
     id: int = whole(0, WALL_NS)
     scene: str = choice(*SCENES)
@@ -98,7 +98,7 @@ class SetScene:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AutoServe:
-    """Serve again and again at a speed of 3 to 9 m/s; 0 stops."""
+    """Serve repeatedly at a speed of 3 to 9 m/s; 0 stops."""
 
     id: int = whole(0, WALL_NS)
     speed_mps: float = bounded_number(0.0, 9.0)

@@ -1,4 +1,4 @@
-"""The one-step task in a simulation server: every ball of a training is launched, struck and judged over there."""
+"""The one-step task on a simulation server, which plays every ball of a training."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from core.simulation.episodes.racket import RacketTarget, target_for_ball
 Array = NDArray[np.float64]
 
 BLOCKS: Final = 300
-"""Asked for at a time: 3 simulated seconds, longer than a ball lives; the next launch takes a dead one away."""
+"""Blocks per step command: 3 simulated seconds, longer than any ball."""
 PATIENCE_S: Final = 60.0
-"""A ball takes about a second of computing."""
+"""Timeout for a ball; it takes about a second of computing."""
 
 
 class LinkBackend:
@@ -58,10 +58,10 @@ class LinkBackend:
         self._client.add_listener(self)
 
     def begin(self, seed: int) -> None:
-        """The server knows no chance that a training would notice."""
+        """Do nothing: the server's random numbers do not affect a training."""
 
     def observe(self, delivery: ServeBatch) -> ServeBatch:
-        """The delivery itself: it says what is seen of its ball."""
+        """Return the batch, which already contains its observations."""
         return delivery
 
     def play(self, delivery: ServeBatch, action: Array) -> Outcomes:
@@ -86,7 +86,7 @@ class LinkBackend:
         return outcomes_of(ball, launched_us * 1e-6)
 
     def close(self) -> None:
-        """Hang up; the server goes on with its clock."""
+        """Disconnect; the server's clock runs again."""
         try:
             self._client.resume()
         finally:

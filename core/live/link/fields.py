@@ -1,4 +1,4 @@
-"""What a field of a message may hold: each declaration is the bound, the check and the wire form in one place.
+"""Declarations of message fields: bounds, checks and wire format in one place.
 
 Only msgpack's basic types travel. Arrays are packed little-endian bytes whose length must fit whole rows.
 """
@@ -25,7 +25,7 @@ LONGEST_ERROR: Final = 300
 
 @dataclass(frozen=True, slots=True)
 class Spec:
-    """How a field is read and written; `read` raises LinkError, told where, for anything that does not fit."""
+    """Reading and writing of a field; `read` raises LinkError with the place for invalid values."""
 
     read: Callable[[Wire, str], Any]
     write: Callable[[Any], Wire]
@@ -78,7 +78,7 @@ def text(longest: int, default: object = REQUIRED) -> Any:
 
 
 def choice(*names: str) -> Any:
-    """One of some words."""
+    """One of some strings."""
 
     def read(value: Wire, where: str) -> str:
         if not isinstance(value, str) or value not in names:
@@ -100,7 +100,7 @@ def flag(default: object = REQUIRED) -> Any:
 
 
 def optional(inner: Any) -> Any:
-    """What another field may hold, or None, which is the default."""
+    """Another field's value or None, the default."""
     spec: Spec = inner.metadata["spec"]
     either = Spec(
         lambda value, where: None if value is None else spec.read(value, where),
@@ -206,7 +206,7 @@ def _field(spec: Spec, default: object) -> Any:
 
 
 def _short(value: Wire) -> str:
-    """A value for a message: never long, whatever was sent."""
+    """Shortened value for an error message."""
     if isinstance(value, (bytes, str, list, dict)):
         return f"{type(value).__name__} of length {len(value)}"
     return repr(value)[:40]

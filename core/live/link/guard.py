@@ -1,4 +1,4 @@
-"""Keys at work: sockets that are encrypted, and the door that lets known clients in (ZMQ's ZAP, RFC 27)."""
+"""Encrypted sockets, and the access control for known clients (ZMQ's ZAP, RFC 27)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from core.text.host import is_loopback
 logger = logging.getLogger(__name__)
 
 HANDSHAKE_MS: Final = 10_000
-"""Who has not shown a key by then is cut off."""
+"""Timeout of a handshake, ms."""
 ZAP_ADDRESS: Final = "inproc://zeromq.zap.01"
 DOMAIN: Final = b"rallyscope"
 LOOK_EVERY_MS: Final = 100
@@ -38,10 +38,10 @@ def check_reach(host: str, keys: ServerKeys | ClientKeys | None, flag: str = "--
 
 
 class LinkGateway:
-    """Decides, on a thread of its own, which clients of a context's guarded sockets may come in."""
+    """Decides, on a thread of its own, which clients a context's guarded sockets accept."""
 
     def __init__(self, context: zmq.Context, keys: ServerKeys | None) -> None:
-        """Without keys everybody may, and nothing is encrypted: for this machine only."""
+        """Without keys every client is accepted, unencrypted: for this machine only."""
         self._keys, self._ended = keys, threading.Event()
         self._thread: threading.Thread | None = None
         if keys is not None:
@@ -52,17 +52,17 @@ class LinkGateway:
             self._thread.start()
 
     def guard(self, socket: zmq.Socket) -> None:
-        """Before it is bound: only those who are let in can use it."""
+        """Guard a socket before it is bound."""
         socket.setsockopt(zmq.HANDSHAKE_IVL, HANDSHAKE_MS)
         if self._keys is not None:
             socket.setsockopt(zmq.CURVE_SERVER, 1)
             socket.setsockopt(zmq.CURVE_PUBLICKEY, self._keys.own.public)
             socket.setsockopt(zmq.CURVE_SECRETKEY, self._keys.own.secret)
             socket.setsockopt(zmq.ZAP_DOMAIN, DOMAIN)
-            socket.setsockopt(zmq.ZAP_ENFORCE_DOMAIN, 1)  # without this door nobody comes in, not everybody
+            socket.setsockopt(zmq.ZAP_ENFORCE_DOMAIN, 1)  # without the handler all clients are rejected
 
     def close(self) -> None:
-        """Nobody new from now on; may be called again. Before the context is destroyed."""
+        """Stop accepting clients; may be called again. Call before the context is destroyed."""
         self._ended.set()
         if self._thread is not None:
             self._thread.join()
@@ -91,7 +91,7 @@ class LinkGateway:
 
 
 def secure(socket: zmq.Socket, keys: ClientKeys | None) -> None:
-    """Before a client's socket is connected: it shows its key, and talks only to the server that it knows."""
+    """Set the keys of a client's socket before it is connected."""
     socket.setsockopt(zmq.HANDSHAKE_IVL, HANDSHAKE_MS)
     if keys is not None:
         socket.setsockopt(zmq.CURVE_SERVERKEY, keys.server)
@@ -100,24 +100,24 @@ def secure(socket: zmq.Socket, keys: ClientKeys | None) -> None:
 
 
 class HandshakeWatch:
-    """Sees whether a client's handshakes fail; both it and the socket are used by one thread at a time."""
+    """Detects failing handshakes of a client; used by the thread of its socket."""
 
     def __init__(self, socket: zmq.Socket, keys: ClientKeys | None) -> None:
-        """Before it is connected."""
+        """Attach to a socket before it is connected."""
         self._watched = socket
-        self._heard = socket.get_monitor_socket(int(NO_MATCH | (HUNG_UP if keys is not None else 0)))
+        self._monitor = socket.get_monitor_socket(int(NO_MATCH | (HUNG_UP if keys is not None else 0)))
         self._hung_up = 0
 
     def refused(self) -> bool:
-        """Whether the keys do not fit: one side said so, or hung up at the sight of them again and again."""
-        while self._heard.poll(0):
-            event = recv_monitor_message(self._heard)["event"]
+        """Whether the keys are rejected: by an explicit error or repeated disconnects."""
+        while self._monitor.poll(0):
+            event = recv_monitor_message(self._monitor)["event"]
             if event & NO_MATCH:
                 return True
             self._hung_up += 1
         return self._hung_up > 1
 
     def close(self) -> None:
-        """Before the socket is closed."""
+        """Detach before the socket is closed."""
         self._watched.disable_monitor()
-        self._heard.close(0)
+        self._monitor.close(0)

@@ -1,4 +1,4 @@
-"""Keys of the simulation link (CURVE): who may come in, and who it is that one talks to.
+"""Keys of the simulation link (CURVE), for authentication of clients and server.
 
 A folder of keys holds `public.key` and `secret.key`, its owner's pair, and of a server `clients/NAME.key`, the public
 keys that it lets in; of a client `server.key`, the public key that the server must have. A key is 40 characters (Z85).
@@ -34,7 +34,7 @@ class KeyPair:
 
 @dataclass(frozen=True, slots=True)
 class ServerKeys:
-    """What a server needs: its own pair, and whom it lets in."""
+    """Keys of a server: its own pair, and the accepted clients'."""
 
     own: KeyPair
     clients: frozenset[bytes]
@@ -42,7 +42,7 @@ class ServerKeys:
 
 @dataclass(frozen=True, slots=True)
 class ClientKeys:
-    """What a client needs: its own pair, and the public key of the only server that it talks to."""
+    """Keys of a client: its own pair, and its server's public key."""
 
     own: KeyPair
     server: bytes

@@ -1,4 +1,4 @@
-"""A simulation server as a court: balls are served and the racket is sent there, and only the events come back."""
+"""A simulation server as an environment backend: serve and racket commands go out, only events come back."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from core.simulation.episodes.racket import RacketConfig, RacketTarget, check_ta
 
 Array = NDArray[np.float64]
 PATIENCE_S: Final = 30.0
-"""For the events of one block."""
+"""Longest wait for the events of one block."""
 
 
 class LinkedBackend:
@@ -36,7 +36,7 @@ class LinkedBackend:
             LinkError: if there is no server.
             CalibrationError: if fewer than two of its cameras are calibrated.
         """
-        self._heard = threading.Condition()
+        self._received = threading.Condition()
         self._blocks: dict[int, dict[str, Events]] = {}
         self._client = SimulationClient(address, keys=keys)
         try:
@@ -54,7 +54,7 @@ class LinkedBackend:
 
     @property
     def cameras(self) -> Mapping[str, Camera]:
-        """By name, as the server told."""
+        """Cameras by name, as the server reported."""
         return self._cameras
 
     @property
@@ -63,10 +63,10 @@ class LinkedBackend:
         return self._now_us
 
     def begin(self, seed: int) -> None:
-        """The server goes on: what it draws for its cameras' noise is its own."""
+        """Do nothing: the server draws its cameras' noise itself."""
 
     def serve(self, p_m: Array, v_mps: Array, spin_radps: Array) -> None:
-        """Launch this ball over there."""
+        """Launch this ball on the server."""
         p, v, spin = (tuple(row.tolist()) for row in (p_m, v_mps, spin_radps))
         self._client.launch(p, v, spin)
 
@@ -84,15 +84,15 @@ class LinkedBackend:
         self._client.aim_racket(tuple(sent.p_m.tolist()), q_wxyz, v_mps, round(1e6 * sent.t_s))
 
     def advance(self) -> SeenBlock:
-        """Let one block pass, and wait for its events.
+        """Advance by one block, and wait for its events.
 
         Raises:
             LinkError: if the server is gone, began anew, or its events do not come.
         """
         start_us, end_us = self._now_us, self._now_us + self._block_us
         self._client.step(1)
-        with self._heard:
-            came = self._heard.wait_for(lambda: self._is_whole(end_us), PATIENCE_S)
+        with self._received:
+            came = self._received.wait_for(lambda: self._is_whole(end_us), PATIENCE_S)
             if not came or self._client.welcome.session != self._session:
                 remedy = "is it still running, and does nobody else command it?"
                 raise LinkError("no events of a block", where=self._client.address, remedy=remedy)
@@ -102,7 +102,7 @@ class LinkedBackend:
         return SeenBlock(start_us, end_us, events)
 
     def close(self) -> None:
-        """Hang up; the server goes on with its clock."""
+        """Disconnect; the server's clock runs again."""
         self._client.remove_listener(self)
         try:
             self._client.resume()
@@ -113,15 +113,15 @@ class LinkedBackend:
         return self._blocks.get(end_us, {}).keys() == self._cameras.keys()
 
     def on_session(self, welcome: m.Reply) -> None:
-        """Shows at the next block."""
+        """Note a new session, reported at the next block."""
 
     def on_events(self, batch: m.EventBatch) -> None:
-        """Keep them for the thread that waits."""
+        """Store the events for the waiting thread."""
         if batch.camera not in self._cameras:
             return
-        with self._heard:
+        with self._received:
             self._blocks.setdefault(batch.end_us, {})[batch.camera] = batch.events()
-            self._heard.notify_all()
+            self._received.notify_all()
 
     def on_state(self, state: m.WorldState) -> None:
         """Not looked at: it holds the truth."""

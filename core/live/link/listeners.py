@@ -1,4 +1,4 @@
-"""All who listen to one live source."""
+"""Listeners of one live source."""
 
 from __future__ import annotations
 
@@ -16,35 +16,35 @@ class LinkListeners:
         self._all: list[LinkListener] = []
 
     def __bool__(self) -> bool:
-        """Whether anybody listens."""
+        """Whether there is a listener."""
         return bool(self._all)
 
     def add(self, listener: LinkListener, welcome: m.Reply) -> None:
-        """From now on; it hears of the present session at once."""
+        """Add a listener; it gets the present session at once."""
         listener.on_session(welcome)
         self._all.append(listener)
 
     def remove(self, listener: LinkListener) -> None:
-        """It hears nothing after this; none that is not there is missed."""
+        """Remove a listener, if it is there."""
         if listener in self._all:
             self._all.remove(listener)
 
     def on_session(self, welcome: m.Reply) -> None:
-        """A session begins."""
+        """Pass on a new session."""
         for listener in self._all:
             listener.on_session(welcome)
 
     def on_events(self, batch: m.EventBatch) -> None:
-        """What a camera saw."""
+        """Pass on events."""
         for listener in self._all:
             listener.on_events(batch)
 
     def on_state(self, state: m.WorldState) -> None:
-        """Where everything is; it may end a block."""
+        """Pass on a state; it may end a block."""
         for listener in self._all:
             listener.on_state(state)
 
     def on_notice(self, notice: m.Notice) -> None:
-        """Something happened."""
+        """Pass on a notice."""
         for listener in self._all:
             listener.on_notice(notice)

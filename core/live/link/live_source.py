@@ -1,4 +1,4 @@
-"""What a live rally comes from: cameras, and where there are some a robot, and word of what became of balls.
+"""Interface of a live source: cameras, and optionally a robot and outcomes of balls.
 
 The simulation has all of it, a recording that is replayed only its cameras. Whoever listens takes what comes: the truth
 is in no source's duty, and nothing that is not told may be needed. Everything is told in blocks: the packets of all
@@ -18,7 +18,7 @@ SourceStatus = Literal["connected", "lost"]
 
 
 class LinkListener(Protocol):
-    """Hears everything in the source's own thread, in order. `on_session` comes before anything of a session."""
+    """Receives everything in the source's own thread, in order. `on_session` is called first in a session."""
 
     def on_session(self, welcome: m.Reply) -> None: ...
     def on_events(self, batch: m.EventBatch) -> None: ...
@@ -27,7 +27,7 @@ class LinkListener(Protocol):
 
 
 class Robot(Protocol):
-    """What takes the racket somewhere; where it is stands in the states."""
+    """Moves the racket; its pose is in the states."""
 
     def aim_racket(
         self, p_m: tuple[float, ...], q_wxyz: tuple[float, ...], v_mps: tuple[float, ...], t_us: int
@@ -42,62 +42,62 @@ class Robot(Protocol):
 
 @runtime_checkable
 class RecalibratedSource(Protocol):
-    """A source whose cameras may be calibrated while it runs. One that knows its cameras exactly is none."""
+    """A source whose cameras can be recalibrated while it runs."""
 
     def recalibrate(self, cameras: Mapping[str, Camera]) -> None:
-        """These are its cameras from now on: a new session begins with the next block. Others stay as they are."""
+        """Replace calibrations; a new session begins with the next block. Other cameras are unchanged."""
         ...
 
 
 class LiveSource(Protocol):
-    """Cameras that are heard by listeners. Safe to use from any thread."""
+    """A source of events for listeners. Thread-safe."""
 
     @property
     def description(self) -> str:
-        """What it is, in a few words."""
+        """Short description."""
         ...
 
     @property
     def welcome(self) -> m.Reply:
-        """The present session: its cameras, with their calibration where that is known."""
+        """The present session: its cameras, with their calibrations if known."""
         ...
 
     @property
     def robot(self) -> Robot | None:
-        """None: there is none, and states have no rows of a racket."""
+        """The robot; None if there is none, and states then have no racket rows."""
         ...
 
     @property
     def has_outcomes(self) -> bool:
-        """Whether it says what became of balls."""
+        """Whether it reports outcomes of balls."""
         ...
 
     @property
     def physics(self) -> PhysicsConfig | None:
-        """How balls fly and bounce; None where nobody knows, and the chain finds out."""
+        """Known physics; None if unknown, and the chain learns it."""
         ...
 
     @property
     def status(self) -> SourceStatus:
-        """Whether anything is to be heard of it."""
+        """Connection status."""
         ...
 
     @property
     def state(self) -> m.WorldState | None:
-        """The latest."""
+        """Latest state."""
         ...
 
     @property
     def behind_s(self) -> float:
-        """Wall time by which it has fallen behind the speed that was asked for, in all, where it lets that count."""
+        """Total wall time by which it is behind the requested speed, if it measures that."""
         ...
 
     def add_listener(self, listener: LinkListener) -> None:
-        """From now on; it hears of the present session at once."""
+        """Add a listener; it gets the present session at once."""
         ...
 
     def remove_listener(self, listener: LinkListener) -> None:
-        """It hears nothing after this."""
+        """Remove a listener."""
         ...
 
     def listen(self, listening: bool) -> None:
@@ -105,5 +105,5 @@ class LiveSource(Protocol):
         ...
 
     def close(self) -> None:
-        """Hang up."""
+        """Disconnect."""
         ...

@@ -1,4 +1,4 @@
-"""Everything that travels between the simulation and those who use it. See docs/how/simulation-link.md.
+"""Messages of the simulation link. See docs/how/simulation-link.md.
 
 A message is one msgpack map {"v": version, "kind": name, ...fields}. Times are microseconds of the simulated clock of a
 session; a new session starts at 0. What the server publishes carries a `seq` that grows by one, so that losses show.
@@ -57,7 +57,7 @@ from core.recordings import BallTruth, PixelTruth
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServeNotice:
-    """A ball was put into play."""
+    """A ball was served."""
 
     session: str = text(64)
     seq: int = whole(0, WALL_NS)
@@ -70,7 +70,7 @@ class ServeNotice:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutcomeNotice:
-    """What came of a served ball."""
+    """Outcome of a served ball."""
 
     session: str = text(64)
     seq: int = whole(0, WALL_NS)
@@ -81,7 +81,7 @@ class OutcomeNotice:
     arrival: tuple[float, ...] = vector(6, 1000.0, nan=True)
     """Position and velocity of the ball at the hitting plane or the racket, whichever it met first."""
     q_wxyz: tuple[float, ...] = vector(4, 1.001, nan=True)
-    """Of the racket when it hit."""
+    """Orientation of the racket at the impact."""
     landing_m: tuple[float, ...] = vector(3, 1000.0, nan=True)
     landing_v_mps: tuple[float, ...] = vector(3, 1000.0, nan=True)
     net_z_m: float = bounded_number(-1000.0, 1000.0, nan=True)
@@ -96,7 +96,7 @@ class BounceNotice:
     t_us: int = whole(0, LONGEST_US)
     """To the nearest microsecond."""
     p_m: tuple[float, ...] = vector(3, 100.0)
-    """Of the ball's centre."""
+    """Position of the ball's centre."""
     v_mps: tuple[float, ...] = vector(3, 1000.0)
     """Just after it."""
 
@@ -109,12 +109,12 @@ class HitNotice:
     seq: int = whole(0, WALL_NS)
     t_us: int = whole(0, LONGEST_US)
     p_m: tuple[float, ...] = vector(3, 100.0)
-    """Of the ball's centre."""
+    """Position of the ball's centre."""
     v_mps: tuple[float, ...] = vector(3, 1000.0)
     """Just after it."""
     v_before_mps: tuple[float, ...] = vector(3, 1000.0)
     q_wxyz: tuple[float, ...] = vector(4, 1.001)
-    """Of the racket."""
+    """Orientation of the racket."""
 
 
 Notice = ServeNotice | OutcomeNotice | BounceNotice | HitNotice
@@ -159,7 +159,7 @@ __all__ = [
 
 VERSION: Final = 1
 ALIVE: Final = b"alive"
-"""The topic of signs of life: states without rows."""
+"""Topic of heartbeats: states without rows."""
 
 Array = NDArray[np.float64]
 
@@ -178,29 +178,29 @@ class WorldState:
     start_us: int = whole(0, LONGEST_US)
     t_us: int = whole(0, LONGEST_US)
     phase: str = choice("idle", "serve", "return", "decided")
-    """No ball; on its way to the racket; struck; its case is settled but it still rolls."""
+    """No ball; incoming; struck; decided but still rolling."""
     paused: bool = flag()
     speed_factor: float = bounded_number(0.0, 100.0)
     noise_hz: float = bounded_number(0.0, 20.0)
     auto_serve_mps: float = bounded_number(0.0, 9.0)
     """Speed of automatic serves, 0 when off."""
     real_time_factor: float = bounded_number(0.0, 1e6)
-    """Simulated per computing time of late: below speed factor times kept share, the machine is too slow."""
+    """Recent simulated time per computing time; below speed factor times kept share the machine is too slow."""
     served: int = whole(0, WALL_NS)
     returned: int = whole(0, WALL_NS)
     scene: str = text(64, default="ball")
-    """Of the simulation; empty where there is none."""
+    """Scene of the simulation; empty where there is none."""
     readout_delayed: int = whole(0, WALL_NS, default=0)
     """Events of all cameras that the readout stamped late, since the session began."""
     readout_dropped: int = whole(0, WALL_NS, default=0)
-    """Those that it lost."""
+    """Events that the readout lost."""
     readout_longest_us: int = whole(0, WALL_NS, default=0)
-    """The longest that an event waited for it."""
+    """Longest delay of an event by the readout."""
     kept_share: float = bounded_number(0.0, 1.0, default=1.0)
-    """Share of the speed factor that the simulation has settled on, because the machine is too busy for all of it."""
+    """Share of the speed factor at which the simulation runs, because the machine is too slow for more."""
     ball_t_us: NDArray[np.int64] = column("<i8", most=MAX_ROWS)
     ball: Array = column("<f8", 9, most=MAX_ROWS)
-    """(N, 9) position, velocity and spin in the world; NaN where there is none."""
+    """(N, 9) position, velocity and spin of the ball in the world; NaN without a ball."""
     ball_visible: NDArray[np.uint8] = column("|u1", most=MAX_ROWS)
     racket_t_us: NDArray[np.int64] = column("<i8", most=MAX_ROWS)
     racket: Array = column("<f8", 10, most=MAX_ROWS)
@@ -214,11 +214,11 @@ class WorldState:
 
     @property
     def ends_block(self) -> bool:
-        """Whether a stretch is complete with it; a sign of life ends none."""
+        """Whether it completes a block; a heartbeat does not."""
         return self.t_us > self.start_us
 
     def truth(self) -> BallTruth | None:
-        """The ball's rows; None where nobody knows."""
+        """The ball's true rows; None if unknown."""
         if not len(self.ball_t_us):
             return None
         rows = self.ball
@@ -267,7 +267,7 @@ class EventBatch:
             raise LinkError(str(error), where="events") from error
 
     def truth(self) -> PixelTruth | None:
-        """The ball's outline; None where nobody knows."""
+        """The ball's true outline; None if unknown."""
         if not len(self.truth_t_us):
             return None
         u, v, r = self.circle.T
@@ -279,7 +279,7 @@ DISTORTION_LENGTHS: Final = tuple(sorted({count for counts in COEFFICIENTS.value
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraInfo:
-    """A camera, with its calibration where that is known: all three parts of it or none."""
+    """A camera, with its calibration if known: all three parts or none."""
 
     name: str = text(64)
     width_px: int = whole(1, 8192)
@@ -288,11 +288,11 @@ class CameraInfo:
     distortion: tuple[float, ...] | None = optional(vector(DISTORTION_LENGTHS, 1e3))
     T_world_camera: tuple[float, ...] | None = optional(vector(16, 1e4))
     lens_model: LensModel | None = optional(choice(*COEFFICIENTS))
-    """None: a pinhole, as from those who know no other."""
+    """Lens model; None: pinhole, as in older versions."""
 
     @staticmethod
     def of(name: str, camera: Camera) -> CameraInfo:
-        """What to tell about a camera."""
+        """Info of a calibrated camera."""
         K, distortion, pose = (
             tuple(np.ravel(a).tolist()) for a in (camera.K, camera.distortion, camera.T_world_camera)
         )
@@ -309,12 +309,12 @@ class CameraInfo:
 
     @staticmethod
     def uncalibrated(name: str, sensor: SensorSize) -> CameraInfo:
-        """What to tell about a camera of which no more is known."""
+        """Info of an uncalibrated camera."""
         return CameraInfo(name=name, width_px=sensor.width_px, height_px=sensor.height_px)
 
     @property
     def sensor(self) -> SensorSize:
-        """Its size."""
+        """Size of the sensor."""
         return SensorSize(self.width_px, self.height_px)
 
     def camera(self) -> Camera | None:
@@ -344,17 +344,17 @@ class Reply:
     """Simulated time at which the command took effect."""
     block_us: int = whole(1, 1_000_000)
     seed: int | None = optional(whole(0, WALL_NS))
-    """Of the simulation; None where there is none."""
+    """Seed of the simulation; None where there is none."""
     cameras: tuple[CameraInfo, ...] = listing(CameraInfo, 16)
     physics: PhysicsConfig | None = optional(settings(PhysicsConfig))
-    """How balls fly, bounce and leave the racket. Servers of before it was told have the paper's."""
+    """Physics of the simulation. Older servers do not send it and have the paper's."""
     robot: bool = flag(default=True)
-    """Whether there is one that takes `aim_racket`. Servers of before it was told are simulations, and have one."""
+    """Whether there is a robot for `aim_racket`. Older servers do not send it and have one."""
     preparing: float | None = optional(bounded_number(0.0, 1.0))
-    """While a server compiles what it needs it obeys nothing, and says here how much of that is done."""
+    """Progress of a server that is still compiling and rejects commands, 0 to 1."""
 
     def calibrated(self) -> dict[str, Camera]:
-        """The cameras whose calibration is known, by name.
+        """Calibrated cameras by name.
 
         Raises:
             LinkError: if one is impossible.

@@ -1,4 +1,4 @@
-"""What a server publishes of a block, as messages."""
+"""Messages that a server publishes for a block."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from core.live.link import messages as m
 from core.recordings import PixelTruth
 from core.simulation.episodes.rally_events import RallyEvent
 
-if TYPE_CHECKING:  # it loads MuJoCo, which those that publish what real cameras see do without
+if TYPE_CHECKING:  # it loads MuJoCo, which is not needed for real cameras
     from core.live.worlds.world import Block, ClassifiedBall, RacketContact
 
 

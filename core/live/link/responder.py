@@ -1,4 +1,4 @@
-"""Answers for a server that is not ready yet: whoever asks hears how far it is, and nobody takes it for dead."""
+"""Replies for a server that is not ready yet, with its progress."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from core.simulation.event_cameras.event_camera import BLOCK_US
 logger = logging.getLogger(__name__)
 LOOK_EVERY_MS: Final = 100
 COMPILED: Final = ("core.physics", "core.simulation")
-"""Packages whose kernels a simulation needs, nearly all."""
+"""Packages with nearly all kernels of a simulation."""
 KernelProgress = Callable[[int, int], None]
 """Called with the kernels that are ready and those that there are, whenever more are ready."""
 
@@ -33,16 +33,16 @@ class PreparingResponder:
         self._thread.start()
 
     def stop(self) -> None:
-        """Give the socket back; may be called again."""
+        """Release the socket; may be called again."""
         self._ended.set()
         self._thread.join()
 
     def _run(self) -> None:
-        told = 0
+        reported = 0
         while not self._ended.is_set():
             ready, known = kernels_ready(*COMPILED)
-            if ready > told:
-                told = ready
+            if ready > reported:
+                reported = ready
                 self._on_progress(ready, known)
             if self._commands.poll(LOOK_EVERY_MS):
                 *envelope, data = self._commands.recv_multipart()

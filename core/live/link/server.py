@@ -1,4 +1,4 @@
-"""The simulation as a server: publishes what happens, takes commands, keeps pace with the clock on the wall."""
+"""The simulation as a server: publishes blocks, takes commands, and keeps to wall time."""
 
 from __future__ import annotations
 
@@ -65,20 +65,20 @@ logger = logging.getLogger(__name__)
 
 HEARTBEAT_S: Final = 0.1
 LATE_S: Final = 0.4
-"""A simulation that is later than this gives up what it missed; it hurries after less."""
+"""A delay above this is given up; a smaller one is caught up."""
 AUTO_SERVE_PAUSE_US: Final = 300_000
 TRIES: Final = 50
 COMMANDED_S: Final = 10.0
-"""So long a command counts as somebody, where nobody listens."""
+"""Time after a command during which the server counts as used without a subscriber."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServerConfig:
-    """The simulated world and how it is published."""
+    """Settings of the simulated world and its publication."""
 
     world: WorldConfig = field(default_factory=WorldConfig)
     auto_serve_mps: float = setting(0.0, 0.0, 9.0)
-    """Serve by itself at this speed, 3 to 9 m/s; 0 waits for commands."""
+    """Speed of automatic serves, 3 to 9 m/s; 0: only on command."""
     queue_messages: int = setting(300, 10, 10_000)
     """Messages kept for a slow subscriber, about one second; what is beyond is dropped, and shows in `seq`."""
 
@@ -115,9 +115,9 @@ class SimulationServer:
         check_reach(split_address(address)[0], keys)
         self._config, self._cameras, self._recorded = config, dict(cameras), recorded
         self._context = zmq.Context()
-        self._door = LinkGateway(self._context, keys)
+        self._gateway = LinkGateway(self._context, keys)
         self.rejected = 0
-        """Messages that were no command."""
+        """Number of invalid commands."""
         self._topics: set[bytes] = set()
         self._commanded_s = float("-inf")
         self._speed, self._paused, self._steps = 1.0, False, 0
@@ -126,7 +126,7 @@ class SimulationServer:
         try:
             self.address = self._bind(address)
         except LinkError:
-            self._door.close()
+            self._gateway.close()
             self._context.destroy(linger=0)
             raise
         self._responder = PreparingResponder(self._commands, preparing)
@@ -138,7 +138,7 @@ class SimulationServer:
 
     @property
     def attended(self) -> bool:
-        """Whether somebody listens, or commanded a moment ago."""
+        """Whether there is a subscriber or a recent command."""
         return bool(self._topics - {m.ALIVE}) or time.monotonic() - self._commanded_s < COMMANDED_S
 
     def prepare(self) -> None:
@@ -156,13 +156,13 @@ class SimulationServer:
             self.close()
 
     def close(self) -> None:
-        """Give up the ports."""
+        """Close the ports."""
         self._world.close()
         self._hang_up()
 
     def _hang_up(self) -> None:
         self._responder.stop()
-        self._door.close()
+        self._gateway.close()
         self._context.destroy(linger=0)
 
     def _bind(self, address: str) -> str:
@@ -171,12 +171,12 @@ class SimulationServer:
         for _ in range(1 if port else TRIES):
             self._published, self._commands = self._context.socket(zmq.XPUB), self._context.socket(zmq.ROUTER)
             self._published.setsockopt(zmq.SNDHWM, self._config.queue_messages)
-            self._commands.setsockopt(zmq.MAXMSGSIZE, 16 * m.COMMAND_BYTES)  # beyond this the sender is cut off
+            self._commands.setsockopt(zmq.MAXMSGSIZE, 16 * m.COMMAND_BYTES)  # limit of a message's size
             self._commands.setsockopt(zmq.RCVHWM, 1000)
-            self._published.setsockopt(zmq.MAXMSGSIZE, m.COMMAND_BYTES)  # all that it hears is who wants what
+            self._published.setsockopt(zmq.MAXMSGSIZE, m.COMMAND_BYTES)  # it receives subscriptions only
             for socket in (self._published, self._commands):
                 socket.setsockopt(zmq.LINGER, 0)
-                self._door.guard(socket)
+                self._gateway.guard(socket)
             try:
                 self._published.bind(f"tcp://{host}:{port or '*'}")
                 bound = int(bytes(self._published.getsockopt_string(zmq.LAST_ENDPOINT), "ascii").rpartition(b":")[2])
@@ -203,7 +203,7 @@ class SimulationServer:
         self._pace = AdaptiveRate()
 
     def _anchor(self) -> None:
-        """Let the simulated time be now."""
+        """Set the current simulated time as the reference for wall time."""
         self._anchor_s, self._anchor_us = time.monotonic(), self._world.now_us
 
     def _due_s(self, t_us: int) -> float:
@@ -242,7 +242,7 @@ class SimulationServer:
             self._keep_pace(spent_s, time.monotonic() - began_s)
 
     def _keep_pace(self, spent_s: float, passed_s: float) -> None:
-        """Settle on what this machine can do; who asks for more than real time gets as much as there is."""
+        """Adapt the rate to this machine; above real time it runs as fast as possible."""
         if self._speed <= 1.0 and self._pace.note(
             BLOCK_US * 1e-6 / (self._speed * self._pace.share), spent_s, passed_s
         ):
@@ -250,7 +250,7 @@ class SimulationServer:
 
     def _hear_of_subscribers(self) -> None:
         while self._published.poll(0):
-            wanted = self._published.recv()  # a topic that somebody wants, or that nobody wants any longer
+            wanted = self._published.recv()  # a subscription or its end
             if wanted[:1] == b"\x01":
                 self._topics.add(wanted[1:])
             else:
@@ -313,7 +313,7 @@ class SimulationServer:
         return self._seq
 
     def _send(self, topic: str, message: object) -> None:
-        self._published.send_multipart([topic.encode(), m.encode(message)])  # PUB drops, and never waits
+        self._published.send_multipart([topic.encode(), m.encode(message)])  # PUB drops messages instead of waiting
         self._beat_s = time.monotonic()
 
     def _beat(self) -> None:
@@ -326,7 +326,7 @@ class SimulationServer:
         self._beat_s = self._alive_s = time.monotonic()
 
     def _take_commands(self, until_s: float) -> None:
-        """Answer everything that is there, and what comes until a time."""
+        """Answer pending commands, and those that arrive until a time."""
         while self._commands.poll(max(0, round((until_s - time.monotonic()) * 1e3))):
             *envelope, data = self._commands.recv_multipart()
             reply = self._answer(data)
@@ -338,7 +338,7 @@ class SimulationServer:
         except LinkError as error:
             self.rejected += 1
             return self._reply(0, str(error)[:1000])
-        if not isinstance(command, m.Hello):  # to ask who is there is not to use it
+        if not isinstance(command, m.Hello):  # a handshake does not count as use
             self._commanded_s = time.monotonic()
         try:
             self._obey(command)

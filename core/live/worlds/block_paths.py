@@ -1,4 +1,4 @@
-"""The paths of ball and racket over one block, from what the rally's steps and impacts say, for the event cameras."""
+"""Paths of ball and racket over one block, from the rally's steps and impacts, for the event cameras."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class SampledPath:
         self._starts: list[tuple[float, Array]] = []
         self._ends: list[tuple[float, Array]] = []
         self._pieces: tuple[Array, Array] | None = None
-        self._kinks: list[float] = []
+        self._discontinuities_s: list[float] = []
         self.end_s = start_s
         self.launch: tuple[float, Array] | None = None
         """Time and state (9,) of the serve that is being seen."""
@@ -86,13 +86,13 @@ class SampledPath:
             self.end_s = end_s
 
     def kink(self, t_s: float) -> None:
-        """The velocity jumps, or the ball appears or vanishes."""
-        self._kinks.append(t_s)
+        """Add a discontinuity: the velocity jumps, or the ball appears or vanishes."""
+        self._discontinuities_s.append(t_s)
 
     @property
-    def kinks_s(self) -> Array:
+    def discontinuities_s(self) -> Array:
         """Ascending."""
-        return np.unique(np.array(self._kinks, np.float64))
+        return np.unique(np.array(self._discontinuities_s, np.float64))
 
     def at(self, t_s: ArrayLike) -> BallStates:
         """The ball at times (N,); after the last sample it is where that says."""
@@ -108,7 +108,7 @@ class SampledPath:
         _ball_at(*self._pieces, vanished_s, t, (p, v, spin), present)
         return BallStates(t, p, v, spin, present)
 
-    def portals(self, t_s: ArrayLike) -> VisibleRange:
+    def visible_range(self, t_s: ArrayLike) -> VisibleRange:
         """The launcher's mouth just after a serve; the rising floor of a ball that is out of play."""
         t = np.atleast_1d(np.asarray(t_s, np.float64))
         normal, offset = np.zeros((len(t), 3)), np.full(len(t), -np.inf)

@@ -40,12 +40,12 @@ REST_S = 0.15
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlayedBall:
-    """One ball, and how the chain did with it."""
+    """One ball, and the results of the chain."""
 
     speed_mps: float
     judged: ClassifiedBall
     decisions: tuple[RacketDecision, ...]
-    """As they were given; the last one is what the racket did."""
+    """Decisions in their order; the last one is what the racket did."""
     aim_error_m: float
     """From where the ball crossed the hitting plane, or was hit, to where it was expected; NaN without a command."""
 
@@ -61,10 +61,10 @@ class PlayedBall:
 
 
 class Between(Protocol):
-    """What stands between the world and who plays in it: the wires, and what is wrong with them."""
+    """Faults between the world and the player."""
 
     def seen(self, events: Mapping[str, Events], start_us: int, end_us: int) -> Mapping[str, Events]:
-        """What of a block's events comes through, by camera."""
+        """Events of a block after the faults, by camera."""
         ...
 
     def command(self, world: SimulatedWorld, target: RacketTarget) -> None:
@@ -89,15 +89,13 @@ class ClosedLoop:
         controller: Controller | None = None,
         window_us: int = 2000,
         recorded: RecordedServes | None = None,
-        told: bool = False,
+        knows_physics: bool = False,
         believed: Mapping[str, Camera] | None = None,
         between: Between | None = None,
     ) -> None:
-        """The built-in controller plays if there is no other.
-
-        Nobody says how balls fly and bounce: the chain finds out, and the built-in controller hears it from there. With
-        `told` both are told the physics of the world exactly. The racket's rubber the built-in controller knows.
-        `believed`: the cameras as they were calibrated, where that is not what they are.
+        """By default the built-in controller plays, and the chain learns the physical constants and passes them on to
+        it. With `knows_physics` both get the world's exact constants. The built-in controller knows the racket's
+        rubber. `believed`: the cameras as they were calibrated, where that is not what they are.
 
         With `recorded`, the balls that are served are of those.
 
@@ -106,7 +104,7 @@ class ClosedLoop:
         """
         self.world = SimulatedWorld(world, cameras, seed, recorded=recorded)
         config, task = chain or ChainConfig(), world.task
-        if told:
+        if knows_physics:
             config = chain_for_physics(config, task.physics)
         else:
             task = replace(task, physics=expected_physics(task.physics))
@@ -114,8 +112,8 @@ class ClosedLoop:
         self._window_us = window_us
         self._between = between
 
-    def play(self, speed_mps: float, heard: Callable[[Block, list[PlayerState]], None] | None = None) -> PlayedBall:
-        """Serve one ball of a speed and play it to its outcome; `heard` is told every block and its steps.
+    def play(self, speed_mps: float, on_block: Callable[[Block, list[PlayerState]], None] | None = None) -> PlayedBall:
+        """Serve one ball of a speed and play it to its outcome; `on_block` gets every block and its steps.
 
         Raises:
             ConfigError: if there is no legal serve of that speed.
@@ -127,8 +125,8 @@ class ClosedLoop:
         while self.world.now_us < end_us:
             block = self.world.advance()
             states = list(self._perceive(block))
-            if heard is not None:
-                heard(block, states)
+            if on_block is not None:
+                on_block(block, states)
             decided = [self._decide(state) for state in states]
             decisions += [decision for decision in decided if decision is not None]
             if block.outcomes:
@@ -138,7 +136,7 @@ class ClosedLoop:
         raise ConfigError("a ball without an outcome", got=f"{LONGEST_BALL_S} s after a {speed_mps:g} m/s serve")
 
     def _rest(self) -> None:
-        """Let the ball roll out and the racket go back to its place."""
+        """Wait until the ball is at rest and the racket at home."""
         quiet_us = 0
         while quiet_us < round(1e6 * REST_S):
             block = self.world.advance()
@@ -158,7 +156,7 @@ class ClosedLoop:
             yield self.player.step(windows)
 
     def _decide(self, state: PlayerState) -> RacketDecision | None:
-        """Give the racket the decision that a new prediction led to, if there is still time and it can go there."""
+        """Send the racket a new decision, if there is time and it is in reach."""
         decision = state.decision
         if decision is None or not state.is_new or decision.target.t_s <= self.world.now_us * 1e-6:
             return None

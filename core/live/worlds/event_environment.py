@@ -43,7 +43,7 @@ LONGEST_BALL_S: Final = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EventEnvironmentConfig:
-    """How the balls are seen, and when the stroke is decided."""
+    """Settings of the perception and the time of the decision."""
 
     chain: ChainConfig = dataclasses.field(default_factory=ChainConfig)
     window_ms: float = setting(2.0, 0.2, 10.0)
@@ -51,8 +51,8 @@ class EventEnvironmentConfig:
     """The stroke is decided on the newest prediction when so much time is left (choice: the racket turns 15 degrees in
     13 ms, moves 3 cm in 40 ms, and a block of 10 ms has to be over before its events are seen)."""
 
-    told: bool = False
-    """Whether the chain is told the physics of the court exactly; otherwise it finds out, each ball for itself."""
+    knows_physics: bool = False
+    """Whether the chain knows the physics exactly; otherwise it learns them for each ball."""
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -69,12 +69,12 @@ class EventCameraBackend:
         cameras: Mapping[str, Camera] | None = None,
         config: EventEnvironmentConfig | None = None,
         world: WorldConfig | None = None,
-        heard: Callable[[ChainState, float], None] | None = None,
+        on_step: Callable[[ChainState, float], None] | None = None,
     ) -> None:
-        """The task of `world` is replaced by the environment's. `heard` is told every step of the chain, and when the
-        ball was served.
+        """The task of `world` is replaced by the environment's. `on_step` gets every step of the chain, and the time of
+        the serve.
         """
-        self._heard = heard
+        self._on_step = on_step
         self._environment = environment
         self._config = config or EventEnvironmentConfig()
         self._cameras = cameras = stereo_preset() if cameras is None else cameras
@@ -83,10 +83,10 @@ class EventCameraBackend:
         self._world_config = dataclasses.replace(world or WorldConfig(), task=task)
         self.world = SimulatedWorld(self._world_config, cameras, seed)
         chain = self._config.chain
-        told = self._config.told
-        table = predictor_for("real") if told and task.physics.has_air else chain.predictor
+        knows_physics = self._config.knows_physics
+        table = predictor_for("real") if knows_physics and task.physics.has_air else chain.predictor
         predictor = dataclasses.replace(table, hit_x_m=task.stroke.hit_plane_x_m)
-        ball = chain_for_physics(chain, task.physics).filter if told else chain.filter
+        ball = chain_for_physics(chain, task.physics).filter if knows_physics else chain.filter
         self._chain = RallyChain(cameras, dataclasses.replace(chain, predictor=predictor, filter=ball))
         self._served_s = 0.0
         self._judged: ClassifiedBall | None = None
@@ -122,7 +122,7 @@ class EventCameraBackend:
         )
 
     def play(self, delivery: ServeBatch, action: Array) -> Outcomes:
-        """Send the racket there and wait for what comes of the ball."""
+        """Send the racket and wait for the outcome."""
         if delivery.seen[0]:
             self._aim(delivery, action)
         while self._judged is None:
@@ -143,13 +143,13 @@ class EventCameraBackend:
         return block
 
     def _watch(self, block: Block) -> HitPlane | None:
-        """The newest prediction that this block's events led to."""
+        """Process a block's events; returns the newest prediction."""
         window_us = round(1000 * self._config.window_ms)
         found = None
         for windows in block_windows(block.events, block.start_us, block.end_us, window_us):
             state = self._chain.step(windows)
-            if self._heard is not None:
-                self._heard(state, self._served_s)
+            if self._on_step is not None:
+                self._on_step(state, self._served_s)
             if state.is_new and state.prediction is not None and state.prediction.hit_plane is not None:
                 found = state.prediction.hit_plane
         return found

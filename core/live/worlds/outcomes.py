@@ -1,4 +1,4 @@
-"""A judged ball of a live world as the outcome of an episode."""
+"""Outcome of an episode from a classified ball of a live world."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How many balls of human play the simulated robot returns, by speed and by spin: rows, and a page with a picture."""
+"""Report of the balls of human play that the simulated robot returns, by speed and by spin."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ FATE_WORDS: Final = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlayedFile:
-    """The balls of one file and what came of them."""
+    """The balls of one file and their outcomes."""
 
     name: str
     balls: Serves
@@ -74,7 +74,7 @@ def summary_row(name: str, played: SimulatedReturns, which: Mask) -> Row:
 
 
 def losses(played: SimulatedReturns) -> dict[str, int]:
-    """How many balls were lost to what; what lost none is left out."""
+    """Number of lost balls by cause."""
     found = {words: int((played.incoming == kind).sum()) for kind, words in INCOMING_WORDS.items()}
     found |= {words: played.count(fate) for fate, words in FATE_WORDS.items()}
     return {words: count for words, count in found.items() if count}
@@ -119,12 +119,12 @@ def write_ball_states_report(
 
 
 def _about_balls(row: Row, config: SimulatedReturnsConfig) -> str:
-    told = f"{config.told_after_ms:g} ms after the launch" if config.told_after_ms else "at the launch"
+    when = f"{config.told_after_ms:g} ms after the launch" if config.told_after_ms else "at the launch"
     return (
         "The files hold states of balls in human play: position, velocity and spin. Each is launched as it is. "
         f"Of {row['count']:,} balls {row['playable']:,} are playable: they bounce once on the robot's half (a service "
         f"on the other half first) and come to the hitting plane, x = {config.task.stroke.hit_plane_x_m:g} m. "
-        f"**{row['returned']:,} come back.** The built-in controller plays with perfect knowledge: {told} it is told "
+        f"**{row['returned']:,} come back.** The built-in controller plays with perfect knowledge: {when} it is told "
         "exactly when, where, how fast and with which spin the ball will cross the plane. So this is what arm and "
         "strokes can do, without any error of perception."
     )

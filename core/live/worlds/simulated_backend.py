@@ -1,4 +1,4 @@
-"""The simulated world as a court: of each block only the events come out."""
+"""The simulated world as an environment backend: only events come out."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ class SimulatedBackend:
         seed: int = 0,
         cameras: Mapping[str, Camera] | None = None,
         world: WorldConfig | None = None,
-        told: Callable[[Block], None] = lambda block: None,
+        on_block: Callable[[Block], None] = lambda block: None,
     ) -> None:
-        """The task of `world` is replaced. `told` hears what really happened: for benches, which compare."""
+        """The task of `world` is replaced. `on_block` gets the true blocks, for benchmarks."""
         self._config = dataclasses.replace(world or WorldConfig(), task=task)
         self._cameras = dict(stereo_preset() if cameras is None else cameras)
-        self._seed, self._told = seed, told
+        self._seed, self._on_block = seed, on_block
         self._world = SimulatedWorld(self._config, self._cameras, seed)
 
     @property
     def cameras(self) -> Mapping[str, Camera]:
-        """By name."""
+        """Cameras by name."""
         return self._cameras
 
     @property
@@ -67,7 +67,7 @@ class SimulatedBackend:
     def advance(self) -> SeenBlock:
         """Simulate a block."""
         block = self._world.advance()
-        self._told(block)
+        self._on_block(block)
         return SeenBlock(block.start_us, block.end_us, block.events)
 
     def close(self) -> None:

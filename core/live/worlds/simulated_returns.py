@@ -35,7 +35,7 @@ LONGEST_S: Final = 6.0
 
 
 class ReturnOutcome(IntEnum):
-    """What came of a ball."""
+    """Outcome of a ball."""
 
     RETURNED = 0
     NOT_PLAYABLE = 1
@@ -43,9 +43,9 @@ class ReturnOutcome(IntEnum):
     NO_STROKE = 2
     """No stroke within the controller's bounds brings it over the net and down."""
     OUT_OF_REACH = 3
-    """Farther from the resting place than the racket goes."""
+    """Farther from the home position than the racket can go."""
     NO_TIME = 4
-    """The racket set off when the controller was told, and did not meet it, or not as it should have."""
+    """The racket started as soon as the controller knew the ball, but missed it or hit it wrongly."""
     OWN_HALF = 5
     NET = 6
     LONG = 7
@@ -54,15 +54,15 @@ class ReturnOutcome(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedReturnsConfig:
-    """Who plays against what."""
+    """Settings of the simulated returns."""
 
     task: TaskConfig = field(default_factory=TaskConfig)
     racket: RacketConfig = field(default_factory=RacketConfig)
     controller: ControllerConfig = field(default_factory=ControllerConfig)
     told_after_ms: float = setting(0.0, 0.0, 1000.0)
-    """The controller is told so long after the launch; 0 is the best that can be."""
+    """Time after the launch at which the controller gets the ball's state; 0 is ideal."""
     step_ms: float = setting(10.0, 0.5, 20.0)
-    """Of the simulation; the racket's limits act from step to step (choice: with 2 ms, 1,200 balls had the same
+    """Step of the simulation; the racket's limits act from step to step (choice: with 2 ms, 1,200 balls had the same
     fates)."""
 
     def __post_init__(self) -> None:
@@ -71,7 +71,7 @@ class SimulatedReturnsConfig:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SimulatedReturns:
-    """What came of N balls."""
+    """Outcomes of N balls."""
 
     fate: NDArray[np.int8]
     """(N,) values of `ReturnOutcome`."""
@@ -83,14 +83,14 @@ class SimulatedReturns:
     """(N,) from the target to where a returned ball landed; NaN for others."""
 
     def count(self, fate: ReturnOutcome) -> int:
-        """How many came to this."""
+        """Number of balls with this outcome."""
         return int(np.count_nonzero(self.fate == fate))
 
 
-def play_known_balls(
+def play_recorded_states(
     balls: Serves, config: SimulatedReturnsConfig, progress: Callable[[float], None] = lambda share: None
 ) -> SimulatedReturns:
-    """Each ball alone, from its launch to the verdict."""
+    """Play each ball alone, from its launch to its outcome."""
     found = fly_incoming(balls, config.task)
     fate = np.full(len(balls), ReturnOutcome.NOT_PLAYABLE, np.int8)
     error_m = np.full(len(balls), np.nan)

@@ -1,4 +1,4 @@
-"""A step test of the simulated robot: what its commands take to become motion."""
+"""Step test of the simulated robot: the latency of its commands."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TAKES_S: Final = 0.25
 WATCHED_S: Final = 0.5
 """From the command on: latencies of up to 0.2 s are seen."""
 REST_S: Final = 1.5
-"""For the way back."""
+"""Time for the way back, s."""
 
 
 def measure_steps(

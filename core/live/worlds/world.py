@@ -1,4 +1,4 @@
-"""The simulated world of one session, block by block: rally, umpire, event cameras and truth on one clock."""
+"""The simulated world of one session, block by block: rally, outcome classifier, event cameras and truth."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorldConfig:
-    """What is simulated."""
+    """Settings of the simulated world."""
 
     task: TaskConfig = field(default_factory=TaskConfig)
     racket: RacketConfig = field(default_factory=RacketConfig)
@@ -50,7 +50,7 @@ class WorldConfig:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClassifiedBall:
-    """An outcome with what led to it."""
+    """An outcome with the states before it."""
 
     outcome: BallOutcome
     serve: RallyEvent
@@ -71,7 +71,7 @@ class RacketContact:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Block:
-    """All that happened in [start_us, end_us)."""
+    """Everything that happened in [start_us, end_us)."""
 
     start_us: int
     end_us: int
@@ -129,7 +129,7 @@ class SimulatedWorld:
         self._on_their_way: list[tuple[float, RacketTarget | None]] = []
 
     def serve(self, p_m: ArrayLike, v_mps: ArrayLike, spin_radps: ArrayLike) -> RallyEvent:
-        """Put a ball into play now; one still in play counts as missed.
+        """Serve a ball now; one still in play counts as missed.
 
         Raises:
             ConfigError: if it is no possible serve.
@@ -154,7 +154,7 @@ class SimulatedWorld:
         return self.serve(drawn.ps_m[0], drawn.vs_mps[0], drawn.spins_radps[0])
 
     def aim(self, target: RacketTarget | None, *, after_s: float = 0.0) -> None:
-        """Send the racket to a target, or to rest; it hears of that so much later, at a step of the physics.
+        """Send the racket to a target, or to rest; it takes effect after the command latency, at a physics step.
 
         Raises:
             ConfigError: if it is out of bounds.
@@ -173,7 +173,7 @@ class SimulatedWorld:
             eye.set_noise(noise_hz)
 
     def set_scene(self, scene: SceneConfig) -> None:
-        """Let the cameras look at something else from now on; what they saw so far is forgotten. Takes a moment."""
+        """Change the cameras' scene; their pixel states are reset. Takes a moment."""
         self._lost = self.readout
         rngs = [
             np.random.default_rng(s) for s in np.random.SeedSequence([self.seed, self.now_us]).spawn(len(self._eyes))
@@ -199,12 +199,12 @@ class SimulatedWorld:
 
     @property
     def readout(self) -> dict[str, ReadoutCounts]:
-        """What each camera's readout did to the events since the start."""
+        """Counts of each camera's readout since the start."""
         return {name: self._lost[name].plus(eye.readout_counts) for name, eye in self._eyes.items()}
 
     @property
     def bodies(self) -> MovingBodies | None:
-        """What moves besides ball and racket."""
+        """Bodies that move besides ball and racket."""
         return self._bodies
 
     def advance(self) -> Block:
@@ -215,7 +215,7 @@ class SimulatedWorld:
         normals, physics = normals_from_orientations(rows[:, 4:8]), self.config.task.physics
         radius_m, thickness_m = physics.racket_radius_m, physics.racket_thickness_m
         racket = SampledRacket(rows[:, 0], rows[:, 1:4], rows[:, 8:11], normals, radius_m, thickness_m)
-        here = len(self._eyes) if self._workers == 1 else 1  # this thread works too: it would only wait
+        here = len(self._eyes) if self._workers == 1 else 1  # this thread works too instead of waiting
         away = list(self._eyes.items())[here:]
         running = {name: self._pool.submit(eye.advance, path, end_us, racket) for name, eye in away}
         times_us = truth_times(path, start_us, end_us)

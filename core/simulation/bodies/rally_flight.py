@@ -21,7 +21,8 @@ from core.table import BALL_RADIUS_M, GRAVITY_MPS2
 Array = NDArray[np.float64]
 
 STROKES: Final = 5
-"""Of a rally; odd, so that the last ball leaves at the robot's end, where a serve's flight ends too."""
+"""Number of strokes of a rally; odd, so that the last ball leaves at the robot's end, where a serve's flight ends
+too."""
 CONTACT_X_M: Final = 1.55
 """Distance from the net at which the players meet the ball (choice: just behind the table)."""
 REACH_M: Final = ((0.10, 0.55), 0.65)

@@ -32,7 +32,8 @@ CONTACT_STEPS = 8
 """Time steps that a soft contact lasts. Fewer lose friction (6: 0.90 to 0.96 of rigid Coulomb), and with a step of 1 ms
 instead of 0.5 ms the ball sinks so deep that the shorter lever to the contact point adds friction (1.08)."""
 _SPHERE_ADDED_MASS = 0.5
-"""Of the displaced air. MuJoCo's ellipsoid fluid model subtracts this much from the Magnus coefficient of a sphere."""
+"""Added mass as a share of the displaced air. MuJoCo's ellipsoid fluid model subtracts this much from the Magnus
+coefficient of a sphere."""
 
 
 def damping_ratio(restitution: float) -> float:

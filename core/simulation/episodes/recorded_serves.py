@@ -30,7 +30,7 @@ class RecordedServes:
         speeds_mps = np.linalg.norm(playable.vs_mps, axis=1)
         order = np.argsort(speeds_mps, kind="stable")
         self.balls = playable[order]
-        """By ascending speed."""
+        """Serves ordered by ascending speed."""
         self._speeds_mps = speeds_mps[order]
 
     def draw(self, speed_mps: float, rng: np.random.Generator) -> Serves:

@@ -16,7 +16,7 @@ from core.table import BALL_RADIUS_M, GRAVITY_MPS2
 Array = NDArray[np.float64]
 
 MAX_ROUNDS = 200
-"""Of drawing again; a distribution that still lacks legal serves after them has practically none."""
+"""Most rounds of drawing again; a distribution without a legal serve by then has practically none."""
 
 
 def draw_serves(speed_mps: float, count: int, config: TaskConfig, rng: np.random.Generator) -> Serves:

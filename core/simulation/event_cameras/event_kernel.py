@@ -41,7 +41,7 @@ class Observation(NamedTuple):
     """One look at a part of the picture."""
 
     swing: float
-    """Of all light at that time, as a logarithm."""
+    """Logarithm of the factor on all light at that time (flicker)."""
     before_us: float
     """The look before it."""
     recent_us: float
@@ -49,7 +49,7 @@ class Observation(NamedTuple):
     now_us: float
     decay: float
     recent_decay: float
-    """Of the receptor since `before_us` and `recent_us`."""
+    """Decay of the receptor since `before_us` and `recent_us`."""
     skip_deep: bool
     """That inner part is not looked at now."""
 
@@ -95,8 +95,8 @@ def _substeps(pixels, scene, steps, bodies, scratch, timing, events, done):
             if not finished or not has_room(steps, step, events):
                 return step - 1
         event_kernel_step(pixels, scene, steps, step, scratch, timing, events)
-        told = len(swing.log_light) and (step % swing.stride == 0 or step == last)
-        if told and not flicker_all_pixels(pixels, scene.width_px, steps, step, timing, events):
+        updates_all = len(swing.log_light) and (step % swing.stride == 0 or step == last)
+        if updates_all and not flicker_all_pixels(pixels, scene.width_px, steps, step, timing, events):
             return step - 1
     return last
 

@@ -56,7 +56,7 @@ class BallPath(Protocol):
         ...
 
     @property
-    def kinks_s(self) -> Array:
+    def discontinuities_s(self) -> Array:
         """Ascending times at which velocity jumps or the ball appears or vanishes."""
         ...
 
@@ -64,7 +64,7 @@ class BallPath(Protocol):
         """The ball at the times `t_s` (N,)."""
         ...
 
-    def portals(self, t_s: ArrayLike) -> VisibleRange:
+    def visible_range(self, t_s: ArrayLike) -> VisibleRange:
         """What hides the ball at the times `t_s` (N,); offset -inf where nothing does."""
         ...
 
@@ -89,7 +89,7 @@ class ParabolicPath:
             raise ConfigError("the arcs of a flight are out of order", expected="ascending times", got=self.start_s)
 
     @property
-    def kinks_s(self) -> Array:
+    def discontinuities_s(self) -> Array:
         """Start, bounces and end."""
         return np.append(self.start_s, self.end_s)
 
@@ -101,9 +101,9 @@ class ParabolicPath:
         _on_arcs(arcs, self.end_s, self.gravity_mps2, t, (p, v, spin), present)
         return BallStates(t, p, v, spin, present)
 
-    def portals(self, t_s: ArrayLike) -> VisibleRange:
+    def visible_range(self, t_s: ArrayLike) -> VisibleRange:
         """The launcher's mouth, and its like at the end."""
-        return launcher_portals(self, float(self.start_s[0]), np.atleast_1d(np.asarray(t_s, np.float64)))
+        return launcher_visible_range(self, float(self.start_s[0]), np.atleast_1d(np.asarray(t_s, np.float64)))
 
 
 @njit(error_model="numpy")
@@ -124,7 +124,7 @@ def _on_arcs(arcs, end_s, gravity, t_s, found, present):
         v[index, 2] -= gravity * since
 
 
-def launcher_portals(path: BallPath, start_s: float, t_s: Array) -> VisibleRange:
+def launcher_visible_range(path: BallPath, start_s: float, t_s: Array) -> VisibleRange:
     """For a flight from `start_s` to `path.end_s`: the plane at its nearer end, one ball radius off the centre there.
 
     At the very start the whole ball is behind it; it is out after it has flown its own diameter.

@@ -27,19 +27,19 @@ class FlightSeries:
 
     flights: tuple[BallPath, ...]
     """Each begins at its first kink."""
-    kinks_s: Array = field(init=False)
+    discontinuities_s: Array = field(init=False)
     """Starts, bounces and ends of all flights."""
     _starts_s: Array = field(init=False)
     _ends_s: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        kinks_s = [flight.kinks_s for flight in self.flights]
-        starts_s = np.array([times_s[0] for times_s in kinks_s])
+        discontinuities_s = [flight.discontinuities_s for flight in self.flights]
+        starts_s = np.array([times_s[0] for times_s in discontinuities_s])
         ends_s = np.array([flight.end_s for flight in self.flights])
         if (starts_s[1:] < ends_s[:-1]).any():
             first = int(np.argmax(starts_s[1:] < ends_s[:-1]))
             raise ConfigError("two flights overlap", got=f"{starts_s[first + 1]} s before {ends_s[first]} s")
-        object.__setattr__(self, "kinks_s", np.concatenate([np.empty(0), *kinks_s]))
+        object.__setattr__(self, "discontinuities_s", np.concatenate([np.empty(0), *discontinuities_s]))
         object.__setattr__(self, "_starts_s", starts_s)
         object.__setattr__(self, "_ends_s", ends_s)
 
@@ -64,16 +64,16 @@ class FlightSeries:
             present |= inside
         return BallStates(t, p, v, spin, present)
 
-    def portals(self, t_s: ArrayLike) -> VisibleRange:
+    def visible_range(self, t_s: ArrayLike) -> VisibleRange:
         """What hides the ball at the times `t_s` (N,)."""
         t = np.atleast_1d(np.asarray(t_s, np.float64))
         normal, offset = np.zeros((len(t), 3)), np.full(len(t), -np.inf)
         for which in self._touching(t):
             inside = (self._starts_s[which] <= t) & (t < self._ends_s[which])
-            portals = self.flights[which].portals(t[inside])
+            visible_range = self.flights[which].visible_range(t[inside])
             if inside.all():
-                return portals
-            normal[inside], offset[inside] = portals.normal_world, portals.offset_m
+                return visible_range
+            normal[inside], offset[inside] = visible_range.normal_world, visible_range.offset_m
         return VisibleRange(normal, offset)
 
     def _touching(self, t: Array) -> range:

@@ -18,7 +18,7 @@ from core.physics.flight import MAX_FLIGHT_S, Air, air_from_config, fall_through
 from core.physics.task import ElevationConfig, TaskConfig
 from core.simulation.episodes.closed_form import fly_serves
 from core.simulation.episodes.episode_path import Trajectory, trace_episode
-from core.simulation.flights.ball_path import BallPath, BallStates, ParabolicPath, VisibleRange, launcher_portals
+from core.simulation.flights.ball_path import BallPath, BallStates, ParabolicPath, VisibleRange, launcher_visible_range
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ class TracedFlight:
     end_s: float
 
     @property
-    def kinks_s(self) -> Array:
+    def discontinuities_s(self) -> Array:
         """Start, bounces and end."""
         times_s = np.array([self.start_s + event.t_s for event in self.trajectory.events])
         return np.append(times_s[times_s < self.end_s], self.end_s)
@@ -46,9 +46,9 @@ class TracedFlight:
         states[~present] = np.nan
         return BallStates(t, states[:, :3], states[:, 3:6], states[:, 6:9], present)
 
-    def portals(self, t_s: ArrayLike) -> VisibleRange:
+    def visible_range(self, t_s: ArrayLike) -> VisibleRange:
         """The launcher's mouth, and its like at the end."""
-        return launcher_portals(self, self.start_s, np.atleast_1d(np.asarray(t_s, np.float64)))
+        return launcher_visible_range(self, self.start_s, np.atleast_1d(np.asarray(t_s, np.float64)))
 
 
 DRAWS_AT_MOST: Final = 1000

@@ -33,7 +33,7 @@ from core.simulation.scenes.scene import SceneConfig
 from core.simulation.scenes.shading import UNTOUCHED, Moving, pixel_seen
 
 MIN_INSTANTS: Final = 8
-"""Of an exposure, however little moves."""
+"""Fewest instants rendered per exposure."""
 BLUR_STEP_PX: Final = 0.7
 """Most motion between two instants, less than half an edge: a streak is right to 1.5 levels of 255 (measured)."""
 BALL_DEPTH, BALL_LIGHT, RACKET_LIGHT = 2, 13, 6
@@ -51,8 +51,8 @@ class FrameConfig:
     exposure_us: int = setting(5000, 100, 50_000)
     """A 5 m/s ball moves by 25 mm in 5 ms, more than its radius."""
     gamma: float = setting(2.2, 1.0, 3.0)
-    """Of the tone curve: level = 255 light^(1 / gamma). White paper is 255, whatever the exposure: the lens is opened
-    as far as that needs."""
+    """Exponent of the tone curve: level = 255 light^(1 / gamma). White paper is 255, whatever the exposure: the lens is
+    opened as far as that needs."""
     read_noise: float = setting(0.00025, 0.0, 0.1)
     """Standard deviation of the light that is read, as a share of white: 2.5 of 10,000 electrons, 72 dB, as in data
     sheets of machine-vision sensors. The noise of the light itself is left out: pictures would take up thrice as much

@@ -26,11 +26,11 @@ TO_LIGHT_X, TO_LIGHT_Y, TO_LIGHT_Z = TO_LIGHT_WORLD.tolist()
 HALF_LENGTH_M, HALF_WIDTH_M = TABLE_LENGTH_M / 2, TABLE_WIDTH_M / 2
 
 
-def ball_shading_rows(camera: Camera, scene: SceneConfig, states: BallStates, portals: VisibleRange) -> Array:
+def ball_shading_rows(camera: Camera, scene: SceneConfig, states: BallStates, visible_range: VisibleRange) -> Array:
     """One row of BALL_COLUMNS per state; rows of an absent ball are far behind the camera."""
     rows = np.empty((len(states.present), BALL_COLUMNS))
     look = np.array([scene.ball, scene.ambient, scene.shadow, scene.edge_px])
-    normal, offset = portals.normal_world, portals.offset_m
+    normal, offset = visible_range.normal_world, visible_range.offset_m
     _shading_rows(lens_of(camera), look, states.p_world_m, states.present, normal, offset, rows)
     return rows
 

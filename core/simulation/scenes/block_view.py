@@ -87,7 +87,7 @@ def moving_steps(
     boxes = np.zeros((steps + 1, 3, 4), np.int64)
     if ball_there:
         states = path.at(t_us * 1e-6)
-        rows = ball_shading_rows(camera, scene, states, path.portals(t_us * 1e-6))
+        rows = ball_shading_rows(camera, scene, states, path.visible_range(t_us * 1e-6))
         ball_and_shadow_boxes(camera, scene, states, boxes)
         shadow = shadow_stride(states, rows) if states.present.any() else 1
     rackets, outlines = np.zeros((steps + 1, RACKET_COLUMNS)), np.zeros((steps + 1, 0, 2))

@@ -46,7 +46,7 @@ class NoiseModel(NamedTuple):
     """Background and hot pixels of a sensor as one Poisson process, which is drawn as such."""
 
     background_hz: float
-    """Of all pixels together."""
+    """Background event rate of all pixels together, Hz."""
     background_on: float
     """Share of ON events in the background."""
     hot: NDArray[np.int64]

@@ -22,8 +22,8 @@ def test_a_blinking_board_is_found_live_and_the_parts_without_one_are_framed(
             page, session = window.page, window.session
             wait_for(lambda: len(session.plane.sheet.pictures) == 2, "both pictures")
             page.get_by_text("Board for the lens", exact=True).click()
-            page.get_by_label("Look for the board").check()
-            page.get_by_text("does it blink").nth(1).wait_for()  # it looks for a chessboard of 6 x 9
+            page.get_by_label("Search the board").check()
+            page.get_by_text("is it blinking").nth(1).wait_for()  # it looks for a chessboard of 6 x 9
             page.get_by_label("Pattern").click()
             page.get_by_role("option", name="dots").click()
             wait_for(lambda: window.state.watch.board.board.kind == "dots", "dots to be chosen")
@@ -39,7 +39,7 @@ def test_a_blinking_board_is_found_live_and_the_parts_without_one_are_framed(
             assert "right" not in window.state.watch.board.pictures
             page.mouse.move(440, 560)
             window.screenshot("board-guide")
-            page.get_by_label("Look for the board").uncheck()
+            page.get_by_label("Search the board").uncheck()
             wait_for(lambda: not window.state.watch.framed.active, "the frames to go")
     finally:
         lab.stop()

@@ -80,7 +80,7 @@ def test_cameras_are_watched_their_biases_are_set_and_one_that_is_unplugged_is_s
         window.screenshot("cameras-watch")
         library.opened[1].unplugged = True
         page.get_by_text("the device was disconnected").wait_for()
-        page.get_by_text("Camera right is lost").or_(page.get_by_text("lost, nothing of it for")).first.wait_for()
+        page.get_by_text("Camera right is lost").or_(page.get_by_text("lost, no data for")).first.wait_for()
         since_us = rally.history.followed_us
         wait_for(lambda: rally.history.followed_us > since_us + 200_000, "the other camera to be followed")
         window.screenshot("cameras-lost")

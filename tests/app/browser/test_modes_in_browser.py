@@ -28,7 +28,7 @@ def test_a_missed_ball_in_watch_is_looked_at_in_tune_and_labelled(window, lab, w
     wait_for(lambda: following.followed == 1.0, "the chain to follow the recording", 90)
     following.history.add_outcome(Outcome(590_000, 10_000, 5.0, LandingSpot(0.0, 0.0, Case.MISSED)))
     window.session.send(StopAt(595_000))
-    window.page.get_by_text("did not come back").wait_for()
+    window.page.get_by_text("was not returned").wait_for()
     missed = find_missed_ball(MissedBallRequest(window.session.recording, following.history, 595_000))
     window.screenshot("watch-missed")
     window.press("Look at it in Tune")

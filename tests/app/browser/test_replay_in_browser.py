@@ -71,7 +71,7 @@ def test_a_replayed_recording_is_watched_recorded_tuned_and_labelled_and_a_lost_
         page, session = window.page, window.session
         wait_for(lambda: session.world.visible, "the 3D scene")
         wait_for(lambda: rally.history.predicted_hits(), "the ball to be seen and predicted")
-        page.get_by_text("It has no robot").wait_for()
+        page.get_by_text("There is no robot").wait_for()
         page.get_by_text("Hit predicted before the bounce").first.wait_for()
         for name in ("Serve", "Count anew"):
             assert not page.get_by_role("button", name=name, exact=True).count()
@@ -123,7 +123,7 @@ def test_a_replayed_recording_is_watched_recorded_tuned_and_labelled_and_a_lost_
         recording.cameras["right"].pulled.set()
         page.get_by_text("Camera right is lost").wait_for()
         window.press("Watch")
-        page.get_by_text("lost, nothing of it for").wait_for()
+        page.get_by_text("lost, no data for").wait_for()
         since_us = rally.history.followed_us
         wait_for(lambda: rally.history.followed_us > since_us + 200_000, "the other camera to be followed")
         window.screenshot("replay-lost")

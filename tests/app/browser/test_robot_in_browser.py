@@ -68,16 +68,16 @@ def test_a_robot_is_started_stopped_lost_and_back(chromium, robot_lab, arm, open
         page.get_by_text("<b>arm, connected").wait_for()
         page.get_by_text("stopped by Rallyscope: not started yet").wait_for()
         page.get_by_text("x -2.2 to -1, y -1 to 1, z 0.02 to 0.9 m").wait_for()
-        assert not page.get_by_text("It has no robot").count() and robot.status.counts.sent == 0
+        assert not page.get_by_text("There is no robot").count() and robot.status.counts.sent == 0
         window.press("Start the robot")
-        page.get_by_text("yes: it is sent to the balls").wait_for()
+        page.get_by_text("yes: targets are sent").wait_for()
         wait_for(lambda: robot.status.counts.taken, "a target that it takes")
         moment = rally.history.at(rally.history.followed_us, {})
         assert moment.picture.racket is not None, "its racket stands in the scene"
         page.get_by_text("Racket turned by").first.wait_for()
         sent = robot.status.counts.sent
         window.press("Step test")
-        page.get_by_text("The last test was broken off: a ball flies").wait_for()
+        page.get_by_text("The last test was aborted: a ball flies").wait_for()
         assert rally.player.latency is None
         wait_for(lambda: robot.status.counts.sent > sent, "it to go on playing")
         window.screenshot("robot-plays")
@@ -91,7 +91,7 @@ def test_a_robot_is_started_stopped_lost_and_back(chromium, robot_lab, arm, open
 
         arm.hangs.set()
         page.get_by_text("The robot is lost").wait_for()
-        page.get_by_text("Nothing is sent to it").first.wait_for()
+        page.get_by_text("No targets are sent").first.wait_for()
         window.screenshot("robot-lost")
         arm.hangs.clear()
         page.get_by_text("<b>arm, connected").wait_for()

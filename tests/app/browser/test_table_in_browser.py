@@ -39,7 +39,7 @@ def test_corners_that_are_clicked_place_the_cameras_of_a_live_source(
             ).first.click()
             wait_for(lambda: len(session.plane.sheet.pictures) == 2, "both pictures")
             page.get_by_text("Table", exact=True).click()
-            page.get_by_label("Click its corners").check()
+            page.get_by_label("Click the corners").check()
             wait_for(lambda: window.state.watch.table.active, "clicks to be corners")
             for number, (name, camera) in enumerate(true.items()):
                 for corner in CLICKED:
@@ -54,7 +54,7 @@ def test_corners_that_are_clicked_place_the_cameras_of_a_live_source(
             wait_for(lambda: len(window.state.watch.table.of("right")) == len(CLICKED) - 1, "the click to be undone")
             page.get_by_text("px off, most").nth(1).wait_for()
             page.get_by_text("Sweep of the ball", exact=True).click()
-            page.get_by_label("Show what is missing").check()
+            page.get_by_label("Show missing parts").check()
             page.get_by_text("of 48 parts").nth(1).wait_for()
             wait_for(lambda: len(window.state.watch.swept.missing("left")) < 48, "the ball to be counted")
             window.screenshot("table-clicked")

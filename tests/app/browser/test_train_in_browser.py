@@ -79,7 +79,7 @@ def test_train_now_learns_to_place_balls_before_ones_eyes(window, trainer: Train
     assert newest(trainer).episodes_per_s == 2.5
     first = mode.replay
     wait_for(lambda: mode.replay is not first, "the next ball", PATIENT_S)
-    pick(window, "Pace", "as fast as it goes")
+    pick(window, "Pace", "as fast as possible")
     wait_for(lambda: phase(trainer) == "finished", "the training to finish", PATIENT_S)
     window.page.get_by_text("ball 100 of 100").wait_for()
     canvas = window.wait_for_pixels("train", lambda canvas: count_like(canvas[:, LEFT_PX:], GREEN) > 200)
@@ -92,7 +92,7 @@ def test_train_now_learns_to_place_balls_before_ones_eyes(window, trainer: Train
     window.page.get_by_text("own half").first.wait_for()
     window.screenshot("train-landings")
     window.page.get_by_role("tab", name="Map").click()
-    window.page.get_by_text("Inside of the box").first.wait_for()
+    window.page.get_by_text("Inside the box").first.wait_for()
     window.screenshot("train-map")
 
 
@@ -165,7 +165,7 @@ def a_browser_that_closes_changes_nothing_and_another_sees_the_same(
 def a_stop_is_confirmed_and_the_run_goes_on_from_there(window, trainer: Trainer, wait_for) -> None:
     window.page.get_by_role("button", name="Stop", exact=True).click()
     window.page.get_by_text(f"Stop {NAME}?").wait_for()
-    window.press("No, let it train")
+    window.press("No, continue")
     window.page.get_by_text(f"Stop {NAME}?").wait_for(state="hidden")
     assert newest(trainer).phase == "running"
     window.page.get_by_role("button", name="Pause").click()

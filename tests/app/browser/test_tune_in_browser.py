@@ -292,7 +292,7 @@ def tuning_that_is_cancelled_changes_nothing_and_can_be_started_again(tune, wait
 def tuning_against_labels_that_there_are_not_says_so(tune) -> None:
     choose(tune, "Against", "labels")
     tune.press("Tune automatically")
-    tune.page.get_by_text("nobody has labelled this camera").wait_for()
+    tune.page.get_by_text("this camera has no labels").wait_for()
     tune.page.get_by_role("button", name="Tune automatically").wait_for()
     choose(tune, "Against", "truth")
 
@@ -347,7 +347,7 @@ def methods_are_compared_over_the_recording_and_a_click_on_a_miss_jumps_there(tu
     tune.screenshot("compare-false")
     for reference in ("refined", "fe-fusion"):  # one of those that are compared, and one that is not
         choose(tune, "Reference", reference)
-        choose(tune, "Over", "0.4 s round the cursor")
+        choose(tune, "Over", "0.4 s around the cursor")
         tune.press("Compare over time")
         tune.page.get_by_text(f"agreement with {reference}, not error").wait_for()
         tune.page.wait_for_timeout(1000)

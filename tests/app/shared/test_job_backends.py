@@ -18,7 +18,7 @@ ADDRESS = "tcp://127.0.0.1:8786"
 def test_without_a_cluster_there_is_nothing_to_choose() -> None:
     places = JobBackends()
     assert places.offered == (THIS_MACHINE,) and places.flags(THIS_MACHINE, 3) == ("--jobs", "3")
-    with pytest.raises(CommandError, match="no such place"):
+    with pytest.raises(CommandError, match="no such backend"):
         places.flags(THE_CLUSTER, 1)
 
 
@@ -27,7 +27,7 @@ def test_a_browser_names_the_cluster_and_never_its_address() -> None:
     assert places.offered == (THIS_MACHINE, THE_CLUSTER)
     assert places.flags(THE_CLUSTER, 3) == ("--cluster", ADDRESS) and places.flags(THIS_MACHINE, 1) == ("--jobs", "1")
     for place in ("tcp://192.0.2.1:8786", "", "--cluster"):
-        with pytest.raises(CommandError, match="no such place"):
+        with pytest.raises(CommandError, match="no such backend"):
             places.flags(place, 1)
 
 
@@ -60,7 +60,7 @@ def test_a_run_is_trained_and_gone_on_with_where_it_was_started(
     trainer.start("far", config, None, THE_CLUSTER)
     trainer.resume("far")
     trainer.start("near", config, None)
-    with pytest.raises(CommandError, match="no such place"):
+    with pytest.raises(CommandError, match="no such backend"):
         trainer.start("nowhere", config, None, "tcp://192.0.2.1:1")
     where = [words[words.index("--resume") + 1 : words.index("--out")] for words in launched]
     assert where == [["--cluster", ADDRESS], ["--cluster", ADDRESS], ["--jobs", "1"]]

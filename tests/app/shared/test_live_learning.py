@@ -45,14 +45,14 @@ def test_balls_are_learned_from_while_it_plays_and_only_then(live: LiveRally, tm
     assert learning.reason == "" and not learning.on and learning.progress is None
     live.player.aim_at((0.9, 0.1))
     let_play(live, workspace, LEARNS)
-    live.attend(False)  # the page is closed: it goes on
+    live.set_active(False)  # the page is closed: it goes on
     assert learning.on and live.player.controller.name == LEARNS
     assert live.player.controller.goal_m.tolist() == [0.9, 0.1]
     wait_for(lambda: sum(ball.learned for ball in balls_of(learning)) >= 2)
     newest = live.player.snapshot.finished[-1]
     assert newest.decision is not None and newest.goal_m.tolist() == [0.9, 0.1]
 
-    live.attend(True)
+    live.set_active(True)
     learning.stop()
     assert live.player.controller.name == BUILT_IN and live.player.controller.goal_m.tolist() == [0.9, 0.1]
     wait_for(lambda: live.player.snapshot.phase == "idle")

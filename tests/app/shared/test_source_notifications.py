@@ -23,14 +23,14 @@ def test_a_lost_camera_is_told_once_and_so_is_its_return() -> None:
     assert titles(news.compare("connected", lost)) == ["Camera right is lost"]
     assert news.compare("connected", lost) == []
     (back,) = news.compare("connected", WELL)
-    assert back.body == "Over: camera right is lost." and news.compare("connected", WELL) == []
+    assert back.body == "No longer: camera right is lost." and news.compare("connected", WELL) == []
 
 
 def test_a_source_that_stops_is_told_whichever_way_it_is_known() -> None:
     news, quiet = SourceNotifications(), replace(WELL, stopped=True)
     assert titles(news.compare("connected", quiet)) == ["The live source has stopped"]
     assert news.compare("lost", quiet) == []
-    assert titles(news.compare("connected", WELL)) == ["It goes on"]
+    assert titles(news.compare("connected", WELL)) == ["Resolved"]
 
 
 def robot(connection: str, stop: StopNote | None = None, stops: int = 0) -> RobotStatus:
@@ -43,11 +43,11 @@ def test_a_robot_that_is_lost_or_stops_by_itself_is_told_and_one_that_nobody_has
     waiting = StopNote("robot", "not started yet")
     assert news.compare("connected", WELL, robot("ready", waiting)) == []
     assert titles(news.compare("connected", WELL, robot("lost"))) == ["The robot is lost"]
-    assert titles(news.compare("connected", WELL, robot("ready"))) == ["It goes on"]
+    assert titles(news.compare("connected", WELL, robot("ready"))) == ["Resolved"]
     (stopped,) = news.compare("connected", WELL, robot("ready", StopNote("robot", "<b>door</b>"), stops=1))
     assert stopped.title == "The robot has stopped" and stopped.body.startswith("&lt;b&gt;door")
     assert titles(news.compare("connected", WELL, robot("ready", StopNote("rallyscope", "a person"), 2))) == [
-        "It goes on"
+        "Resolved"
     ]
 
 
@@ -57,6 +57,6 @@ def test_a_moved_camera_is_told_once_however_its_figure_changes_and_so_is_the_en
     moved = [DriftReport(200, 200, pair, EpipolarDrift(px, 0.1, 0.02), alarm=True) for px in (1.2, 1.3)]
     assert news.compare("connected", WELL, None, fits) == []
     (told,) = news.compare("connected", WELL, None, moved[0])
-    assert told.title == "The cameras no longer fit each other" and "calibrated again" in told.body
+    assert told.title == "The calibration has drifted" and "calibrate again" in told.body
     assert news.compare("connected", WELL, None, moved[1]) == []
-    assert titles(news.compare("connected", WELL, None, fits)) == ["It goes on"]
+    assert titles(news.compare("connected", WELL, None, fits)) == ["Resolved"]

@@ -94,7 +94,7 @@ def test_the_title_says_how_far_off_a_ball_is_at_its_own_time_or_what_is_wrong()
         return verdict(WindowAnswer("ebpp", window, ball, 0), known)
 
     assert said(5000) == "5.00 px"
-    assert said(15_000) == "a ball where none is"
+    assert said(15_000) == "false ball"
     assert said(25_000) == "ball" == said(5000, None)
     assert said(None) == "no ball, missed"
     assert said(None, None) == said(None, window=Window(EMPTY.events, 14_000, 15_000)) == "no ball"

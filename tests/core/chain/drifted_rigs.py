@@ -84,7 +84,7 @@ def feed_serves(
     configs = [LaunchConfig(speed_mps=float(speed), yaw_spread_deg=6.0) for speed in rng.uniform(4, 8, serves)]
     series = draw_serve_series(configs, rng)
     for flight in series.flights:
-        times_s = np.arange(flight.kinks_s[0], flight.end_s, POINT_EVERY_S)
+        times_s = np.arange(flight.discontinuities_s[0], flight.end_s, POINT_EVERY_S)
         states = flight.at(times_s)
         ps = states.p_world_m[states.present]
         uvs = {name: _sighted(camera, ps, noise, rng) for name, camera in true.items()}

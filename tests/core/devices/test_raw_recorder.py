@@ -218,7 +218,7 @@ def test_after_a_gap_events_without_a_known_place_are_left_out_and_counted():
     for cut in (1, 100, 3000):
         mender = GapResynchroniser()
         mender.begin_gap()
-        kept = np.concatenate([mender.mend(words[cut : cut + 50]), mender.mend(words[cut + 50 :])])
+        kept = np.concatenate([mender.fix(words[cut : cut + 50]), mender.fix(words[cut + 50 :])])
         assert count_events(kept) + mender.events_left_out == count_events(words[cut:])
         first_event = np.flatnonzero(kept >> 12 == 2)[0]
         assert {8, 0} <= set((kept[:first_event] >> 12).tolist())

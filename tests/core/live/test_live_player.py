@@ -176,7 +176,7 @@ def test_nobody_says_how_balls_fly_unless_asked(rally) -> None:
     client, player, _ = rally
     wait_for(lambda: player.snapshot.t_us > 0)
     assert client.physics == physics_profile("paper"), "the source knows"
-    assert not player.config.told and player._chain_config() == player.config.chain
+    assert not player.config.knows_physics and player._chain_config() == player.config.chain
     assert player.config.chain.filter.perhaps_real
     told, known = told_physics(player), physics_profile("paper")
     assert told.air != known.air and told.table != known.table
@@ -186,7 +186,7 @@ def test_nobody_says_how_balls_fly_unless_asked(rally) -> None:
 def test_a_server_that_is_killed_and_started_again_is_played_on() -> None:
     with serving(seed=1, width=320, height=240) as address:
         client = SimulationClient(address, timeout_s=3.0)
-        player = LivePlayer(client, config=LivePlayerConfig(told=True))
+        player = LivePlayer(client, config=LivePlayerConfig(knows_physics=True))
         wait_for(lambda: player.snapshot.t_us > 100_000)
         first = player.snapshot.session
         assert client.physics == told_physics(player) == physics_profile("paper")

@@ -71,7 +71,7 @@ def dense_events(
     The thresholds of the pixels are those of an event camera that was made with `np.random.default_rng(seed)`.
     """
     times_us = np.arange(start_us, end_us + 1, DENSE_STEP_US, dtype=np.float64)
-    rows = ball_shading_rows(camera, scene, path.at(times_us * 1e-6), path.portals(times_us * 1e-6))
+    rows = ball_shading_rows(camera, scene, path.at(times_us * 1e-6), path.visible_range(times_us * 1e-6))
     rackets = None
     if racket is not None:
         rackets = racket_shading_rows(camera, scene.racket, scene.edge_px, racket, racket.at(times_us * 1e-6))

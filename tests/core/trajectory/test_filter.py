@@ -230,12 +230,14 @@ def test_a_flight_is_as_likely_as_its_points_from_the_eighth_on() -> None:
         BallFilter(config, 0, truth[0, :3], noise, needs_tick=needs_tick, odds=0.25) for needs_tick in (False, True)
     ]
     assert [one.log_odds for one in begun] == [np.log(0.25)] * 2
-    assert begun[0].unrest == ProcessNoise(LIFT * config.magnus, config.air_noise, config.bounce_noise_mps, 0.0, 0.15)
-    assert begun[1].unrest[1:3] == (config.restless_air, config.restless_bounce_mps)
+    assert begun[0].process_noise == ProcessNoise(
+        LIFT * config.magnus, config.air_noise, config.bounce_noise_mps, 0.0, 0.15
+    )
+    assert begun[1].process_noise[1:3] == (config.restless_air, config.restless_bounce_mps)
     one, gained = begun[0], []
     for t, p in zip(t_s[1:], truth[1:, :3], strict=True):
         state, cov = one.state.copy(), one.covariance.copy()
-        move(state, cov, round(1e6 * t) * 1e-6 - one.t_us * 1e-6, one.unrest)
+        move(state, cov, round(1e6 * t) * 1e-6 - one.t_us * 1e-6, one.process_noise)
         S, miss = cov[:3, :3] + noise, p - state[:3]
         before = one.log_odds
         one.take(round(1e6 * t), p, noise)

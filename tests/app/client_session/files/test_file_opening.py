@@ -145,7 +145,7 @@ def test_a_bad_file_is_one_line_with_its_own_name_and_leaves_nothing(opening, pa
 def test_a_key_that_nobody_gave_opens_nothing(opening, page, key) -> None:
     page.ask(do="open", key=key)
     page.run_until(lambda: page.state.get("state") == "failed")
-    assert "not in the list" in str(page.state["problem"]) and not page.opened
+    assert "no longer in the list" in str(page.state["problem"]) and not page.opened
 
 
 def test_a_second_file_waits_and_a_cancelled_one_leaves_nothing(opening, page, services) -> None:

@@ -160,8 +160,8 @@ def test_the_stages_of_a_picture_are_those_that_the_chain_ran(serve_recording: P
             assert step.before is not None
             found = step.detections["left"]
             picture = make_picture(PictureJob(step.windows["left"], step.before["left"], DetectorConfig(), True))
-            assert picture.t_us == step.end_us and len(picture.fates) == len(picture.events_px)
-            edge = picture.events_px[picture.fates == EventStage.LEADING]
+            assert picture.t_us == step.end_us and len(picture.event_stages) == len(picture.events_px)
+            edge = picture.events_px[picture.event_stages == EventStage.LEADING]
             if found is not None and len(edge):
                 detections += 1
                 reach = np.hypot(*(edge - (found.u_px, found.v_px)).T)

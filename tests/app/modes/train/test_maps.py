@@ -79,7 +79,7 @@ def test_a_policy_of_one_target_says_so() -> None:
     found = map_policy(lambda states, racket_speeds_mps, goals_m: np.zeros((len(states), 3)), one, 5.0, 4)
     words = " ".join(map_words(found, 3))
     assert "seed 3" in words and "Trained on one target" in words and "x 0.78 m, y 0.00 m" in words
-    assert "box" not in words and "All over the half" in words
+    assert "box" not in words and "Whole half" in words
     rings = draw_map(found)
     x, y = _pixel(found.trained.low_m)
     assert (rings[y, x - 45 : x + 45] == TARGET_RGB).all(axis=1).any()

@@ -58,7 +58,7 @@ def test_what_it_finds_comes_back_with_its_figures(request_: AutoTuneRequest) ->
 def test_a_refusal_is_said_in_the_words_of_the_verb(request_: AutoTuneRequest) -> None:
     off = dataclasses.replace(request_, parameters=("hot_pixels.tick_ms",))
     nobody = dataclasses.replace(request_, against="labels")
-    for wrong, says in ((off, "^hot_pixels.tick_ms does nothing"), (nobody, "nobody has labelled this camera")):
+    for wrong, says in ((off, "^hot_pixels.tick_ms does nothing"), (nobody, "this camera has no labels")):
         with pytest.raises(RallyscopeError, match=says):
             run_auto_tune(wrong, progress=lambda share: None, say=lambda line: None, cancelled=lambda: False)
 
@@ -116,9 +116,9 @@ def test_what_was_changed_comes_first_then_what_counts_most() -> None:
 
 
 def test_it_says_whether_the_result_holds_where_nothing_was_tuned() -> None:
-    assert "better on the held-out windows, too" in shown(read_report(said()))
+    assert "also better on the held-out windows" in shown(read_report(said()))
     assert "not better on the held-out windows (0.700 before, 0.650 now)" in shown(read_report(said(held_out=0.65)))
-    assert "Nothing better was found" in shown(read_report(said(best_trial=0)))
+    assert "No better config was found" in shown(read_report(said(best_trial=0)))
 
 
 def test_what_has_no_number_is_a_dash_and_what_was_changed_is_escaped() -> None:

@@ -25,9 +25,9 @@ def test_the_lines_tell_balls_returns_and_the_median_of_the_last_ten() -> None:
     said = learning_html(progress, on=True)
     assert "12 balls learned from" in said and "&lt;mine&gt;" in said
     assert "last 10: 10 returned, landing error 40 mm" in said and "all 12: 11 returned" in said
-    assert "random" not in said and "somebody else" not in said
+    assert "random" not in said and "another controller" not in said
     assert "random" in learning_html(LearningProgress("nothing", balls(50.0, random=True)), on=True)
-    assert "somebody else" in learning_html(progress, on=False)
+    assert "another controller" in learning_html(progress, on=False)
 
 
 def test_a_landing_that_is_not_known_stands_at_the_top_and_is_no_good_ball_in_the_median() -> None:

@@ -26,7 +26,7 @@ NOT_TESTED = StepTestReport()
 
 def test_one_that_is_not_there_yet_is_no_fault() -> None:
     said = robot_html(AWAITED, NOT_TESTED)
-    assert "tcp://127.0.0.1:5600: nobody has answered yet. Nothing is sent to it" in said
+    assert "tcp://127.0.0.1:5600: nobody has answered yet. No targets are sent" in said
     assert theme.BAD not in said and "stopped by Rallyscope: not started yet" in said and "Racket" not in said
 
 
@@ -34,7 +34,7 @@ def test_one_that_plays_says_where_it_is_what_it_may_do_and_what_it_took() -> No
     said = robot_html(PLAYING, NOT_TESTED)
     assert "&lt;b&gt;arm, connected, answers in 2.1 ms, its clock known to 0.5 ms" in said and "<b>arm" not in said
     assert "x -1.600, y +0.000, z +0.250 m, 5.00 m/s" in said and limits_words(LIMITS) in said
-    assert "10 taken, 2 refused by it, 3 kept back: too late, or outside of its limits" in said
+    assert "10 taken, 2 refused by the robot, 3 held back: too late or outside the limits" in said
     assert "yes" in said and "Last refusal" not in said and "Until now" not in said
     assert limits_words(LIMITS).startswith("x -2.2 to -1, y -1 to 1, z 0.02 to 0.9 m; 5 m/s, 80 m/s&sup2;, 20 rad/s")
 
@@ -50,17 +50,17 @@ def test_one_that_is_lost_is_red_and_its_losses_are_counted() -> None:
     counts = RobotCounts(lost=2, slow=3, clock_jumps=1)
     lost = replace(PLAYING, connection="lost", problem="lost: nothing heard for 3 s", counts=counts, last_refusal="<x>")
     said = robot_html(lost, NOT_TESTED)
-    assert "not now; by itself when it is back" in said
+    assert "paused; continues when it is back" in said
     assert theme.BAD in said and "&lt;b&gt;arm: lost: nothing heard for 3 s" in said and "Racket<" not in said
     assert "2 x lost, 3 x slow, 1 x clock jumped" in said and "&lt;x&gt;" in said
 
 
 def test_how_late_it_is_is_said_with_its_uncertainty_and_why_a_test_ended() -> None:
-    assert "not known: Step test measures it" in robot_html(PLAYING, NOT_TESTED)
-    assert "being measured, 30 %" in robot_html(PLAYING, StepTestReport(running=True, done=0.3))
+    assert "unknown: Step test measures it" in robot_html(PLAYING, NOT_TESTED)
+    assert "measuring, 30 %" in robot_html(PLAYING, StepTestReport(running=True, done=0.3))
     found = StepTestReport(found=CommandLatency(0.0352, 0.0004, 0.0012, 10))
     said = robot_html(PLAYING, found)
-    assert "35.2 &plusmn; 0.4 ms, 1.2 ms from one of 10 steps to another: sent so much earlier" in said
-    assert theme.GOOD in said and "broken off" not in said
+    assert "35.2 &plusmn; 0.4 ms, 1.2 ms from one of 10 steps to another: commands are sent this much earlier" in said
+    assert theme.GOOD in said and "aborted" not in said
     broken = robot_html(PLAYING, replace(found, problem="<a> ball flies"))
-    assert "broken off: &lt;a&gt; ball flies" in broken and "35.2" in broken
+    assert "aborted: &lt;a&gt; ball flies" in broken and "35.2" in broken

@@ -40,7 +40,7 @@ def test_what_was_learned_of_air_and_table_is_said_once_there_was_a_ball(snapsho
     nothing = nothing_learned(FilterConfig(perhaps_real=True))
     snapshot.learned = nothing
     said = live_html(snapshot, state(), "connected")
-    assert "Air and table" in said and "nothing is told" in said
+    assert "Air and table" in said and "published values" in said
     means, sigmas = np.array([0.451, 0.912, 0.233]), np.array([0.04, 0.01, 0.03])
     one = replace(nothing, means=means, variances=sigmas**2, air=0.98, balls=1)
     assert learned_words(one) == "drag 0.45 ± 0.04, restitution 0.91 ± 0.01, friction 0.23 ± 0.03 (learned from 1 ball)"
@@ -108,10 +108,10 @@ def test_how_many_came_back_is_said_once() -> None:
 def test_a_ball_that_one_camera_did_not_see_is_not_said_to_be_lost() -> None:
     unseen = MissedBall(3_120_000, "left", "not seen", 24_000)
     said = missed_html(unseen, copies=False)
-    assert "3.120 s" in said and "in left for 24 ms. That alone loses no ball." in said and "come back" not in said
-    assert "did not come back; the detector" in missed_html(replace(unseen, kind="not returned"), copies=False)
+    assert "3.120 s" in said and "in left for 24 ms. The track was not lost." in said and "returned" not in said
+    assert "was not returned; the detector" in missed_html(replace(unseen, kind="not returned"), copies=False)
     seen = replace(unseen, kind="not returned", unseen_us=0)
-    assert "did not come back; the cameras saw it" in missed_html(seen, copies=False)
+    assert "was not returned; it was seen" in missed_html(seen, copies=False)
 
 
 def test_a_lost_simulation_and_a_slow_one_are_bad(snapshot) -> None:
@@ -128,7 +128,7 @@ def report(drift_px: float, *, alarm: bool) -> DriftReport:
 
 def test_it_says_how_many_points_are_missing() -> None:
     name, said = drift_row(DriftReport(60, 200))
-    assert name == "Calibration" and "not judged yet, after 60 of 200 points" in said
+    assert name == "Calibration" and "unknown yet, after 60 of 200 points" in said
 
 
 def test_a_fit_is_green_with_its_figure() -> None:
@@ -138,11 +138,11 @@ def test_a_fit_is_green_with_its_figure() -> None:
 
 def test_an_alarm_is_red_and_says_who_how_far_and_what_to_do() -> None:
     said = drift_row(report(1.23, alarm=True))[1]
-    assert "The cameras left and &lt;b&gt;right no longer fit each other: 1.2 px off. One was moved" in said
+    assert "The calibration of left and &lt;b&gt;right has drifted: 1.2 px off. A camera or lens was moved" in said
     assert "calibrate again" in said and theme.BAD in said
 
 
 def test_sightings_of_different_things_are_not_judged() -> None:
     said = drift_row(DriftReport(400, 200))[1]
-    assert "cannot be judged" in said and "calibrate again" not in said
+    assert "unknown: the cameras" in said and "calibrate again" not in said
     assert "calibrate again" in drift_row(DriftReport(400, 200, alarm=True))[1]

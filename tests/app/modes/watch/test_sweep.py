@@ -160,7 +160,7 @@ def test_cells_are_covered_by_one_picture_and_another_board_begins_anew(board_st
     assert guide.pictures == {"left": 2} and len(guide.cells.missing("left")) == CELL_COUNT - 3
     assert NoteBoards(BOARD, (("left", (1,)),)).apply(board_state, 0.0) is board_state, "an answer about another board"
     said = board_html(guide, board_state.cameras)
-    assert "2 pictures" in said and "3 of 48 parts" in said and "does it blink" in said and theme.WARN in said
+    assert "2 pictures" in said and "3 of 48 parts" in said and "is it blinking" in said and theme.WARN in said
     other = ChooseBoard(BOARD).apply(board_state, 0.0).watch.board
     assert other.board == BOARD and other.cells.active and not other.pictures and not other.cells.counts
     emptied = ForgetBoard().apply(board_state, 0.0).watch.board

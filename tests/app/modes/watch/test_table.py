@@ -76,7 +76,7 @@ def test_it_says_how_well_the_corners_fit_or_what_is_missing() -> None:
     found = find_poses(PosesRequest({"left": PAIR["left"], "right": PAIR["right"], "top": None}, clicks_in("left")))
     said = poses_html(found)
     assert "0.0 px off" in said and "stands at -2.40, +0.90, +1.30 m" in said
-    assert "0 of 4 corners or more" in said and "its lens is not known" in said
+    assert "0 of 4 corners or more" in said and "unknown lens" in said
     assert corner_option("robot-right") == "2 robot-right"
 
 

@@ -26,24 +26,26 @@ def flown(quality: Quality, fits: int, *, px_per_ms: float = 2.0, r_px: float = 
 
 
 def test_a_clean_ball_is_proved_with_its_fourth_fit() -> None:
-    assert not flown(CLEAN, 3).proved(CONFIG, 0.0)
-    assert flown(CLEAN, 4).proved(CONFIG, 0.0)
+    assert not flown(CLEAN, 3).is_confirmed_by(CONFIG, 0.0)
+    assert flown(CLEAN, 4).is_confirmed_by(CONFIG, 0.0)
 
 
 def test_a_limb_never_is() -> None:
     assert evidence_of(LIMB) < 0 < evidence_of(CLEAN)
-    assert not any(flown(LIMB, fits, px_per_ms=0.5).proved(CONFIG, 0.0) for fits in range(4, 200, 7))
-    assert flown(LIMB, 40).given_up
+    assert not any(flown(LIMB, fits, px_per_ms=0.5).is_confirmed_by(CONFIG, 0.0) for fits in range(4, 200, 7))
+    assert flown(LIMB, 40).is_terminated
 
 
 def test_something_dark_needs_more_fits_and_more_again_after_a_bright_ball() -> None:
     dark = CLEAN._replace(brighter=-1.0, residual_px=0.3)
     needs = {
-        before: next(fits for fits in range(1, 60) if flown(dark, fits, px_per_ms=1.0).proved(CONFIG, before))
+        before: next(fits for fits in range(1, 60) if flown(dark, fits, px_per_ms=1.0).is_confirmed_by(CONFIG, before))
         for before in (-1.0, 1.0)
     }
     bright = next(
-        fits for fits in range(1, 60) if flown(dark._replace(brighter=1.0), fits, px_per_ms=1.0).proved(CONFIG, 1)
+        fits
+        for fits in range(1, 60)
+        if flown(dark._replace(brighter=1.0), fits, px_per_ms=1.0).is_confirmed_by(CONFIG, 1)
     )
     assert bright < needs[-1.0] < needs[1.0] == 16
 
@@ -54,7 +56,7 @@ def test_something_dark_needs_more_fits_and_more_again_after_a_bright_ball() -> 
     ids=["slow for its size", "grows", "a head"],
 )
 def test_what_stays_in_its_place_or_grows_is_no_ball(unlike: dict[str, float]) -> None:
-    assert not flown(CLEAN, 7, **unlike).proved(CONFIG, 0.0)
+    assert not flown(CLEAN, 7, **unlike).is_confirmed_by(CONFIG, 0.0)
 
 
 def test_another_thing_is_not_taken_for_the_same_ball() -> None:
@@ -95,8 +97,8 @@ def test_so_do_sizes_and_speeds(ball: MovingCircle) -> None:
 
 def test_one_with_half_an_edge_or_on_changing_ground_is_not_proved() -> None:
     assert flown(CLEAN._replace(coverage_lead=0.4, residual_px=0.1), 20).evidence > CONFIG.evidence_min
-    assert not flown(CLEAN._replace(coverage_lead=0.4, residual_px=0.1), 20).proved(CONFIG, 0.0)
-    assert not flown(CLEAN._replace(brighter=0.3, residual_px=0.1), 20).proved(CONFIG, 0.0)
+    assert not flown(CLEAN._replace(coverage_lead=0.4, residual_px=0.1), 20).is_confirmed_by(CONFIG, 0.0)
+    assert not flown(CLEAN._replace(brighter=0.3, residual_px=0.1), 20).is_confirmed_by(CONFIG, 0.0)
 
 
 def test_it_moves_on_as_before() -> None:

@@ -52,7 +52,7 @@ def test_a_ball_out_of_play_sinks_behind_a_rising_floor_and_is_gone() -> None:
     path = cubic_path()
     path.gone_s = 0.7
     assert path.at([0.7 + SINK_S - 1e-6, 0.7 + SINK_S]).present.tolist() == [True, False]
-    floor = path.portals([0.6999, 0.7, 0.7 + SINK_S / 2, 0.7 + SINK_S])
+    floor = path.visible_range([0.6999, 0.7, 0.7 + SINK_S / 2, 0.7 + SINK_S])
     assert floor.offset_m[0] == -np.inf
     np.testing.assert_allclose(floor.offset_m[1:], p_at(0.6)[2] + 0.02 * np.array([-1.0, 0.0, 1.0]))
     assert (floor.normal_world[1:] == [0, 0, 1]).all()
@@ -61,7 +61,7 @@ def test_a_ball_out_of_play_sinks_behind_a_rising_floor_and_is_gone() -> None:
 def test_a_served_ball_comes_out_of_a_mouth_three_radii_long() -> None:
     path = cubic_path()
     path.launch = (0.5, np.array([1.0, 0.2, 0.3, -3.0, 0.0, 4.0, 0, 0, 0]))  # 5 m/s: 60 mm in 12 ms
-    mouth = path.portals([0.4999, 0.5, 0.5119, 0.5121])
+    mouth = path.visible_range([0.4999, 0.5, 0.5119, 0.5121])
     assert np.isfinite(mouth.offset_m).tolist() == [False, True, True, False]
     np.testing.assert_allclose(mouth.normal_world[1], [-0.6, 0.0, 0.8])
     assert mouth.offset_m[1] == pytest.approx(-0.6 * 1.0 + 0.8 * 0.3 + 0.02), "a radius ahead of the launch"

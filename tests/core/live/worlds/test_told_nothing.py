@@ -18,15 +18,17 @@ PAPER, REAL = physics_profile("paper"), replace(physics_profile("real"), rubber=
 """The same racket: that is one's own."""
 
 
-def closed_loop(physics: PhysicsConfig, *, told: bool) -> ClosedLoop:
-    loop = ClosedLoop(WorldConfig(task=TaskConfig(physics=physics)), stereo_preset(), seed=1, told=told)
+def closed_loop(physics: PhysicsConfig, *, knows_physics: bool) -> ClosedLoop:
+    loop = ClosedLoop(
+        WorldConfig(task=TaskConfig(physics=physics)), stereo_preset(), seed=1, knows_physics=knows_physics
+    )
     loop.close()
     return loop
 
 
-def backend(physics: PhysicsConfig, *, told: bool) -> EventCameraBackend:
+def backend(physics: PhysicsConfig, *, knows_physics: bool) -> EventCameraBackend:
     environment = EnvironmentConfig(task=TaskConfig(physics=physics), state_source="events")
-    made = EventCameraBackend(environment, config=EventEnvironmentConfig(told=told))
+    made = EventCameraBackend(environment, config=EventEnvironmentConfig(knows_physics=knows_physics))
     made.close()
     return made
 
@@ -37,32 +39,32 @@ def filters_of(config: FilterConfig) -> list[FilterConfig]:
 
 
 def test_chain_and_controller_are_the_same_in_whatever_world_they_play() -> None:
-    one, other = (closed_loop(physics, told=False) for physics in (PAPER, REAL))
+    one, other = (closed_loop(physics, knows_physics=False) for physics in (PAPER, REAL))
     assert one.player.chain.config == other.player.chain.config
     controllers = [loop.player.controller for loop in (one, other)]
     assert all(isinstance(controller, BuiltInController) for controller in controllers)
     assert controllers[0].task.physics == controllers[1].task.physics
-    told = [closed_loop(physics, told=True) for physics in (PAPER, REAL)]
-    assert told[0].player.chain.config != told[1].player.chain.config, "the comparison can tell"
-    assert told[0].player.controller.task.physics != told[1].player.controller.task.physics
+    knowing = [closed_loop(physics, knows_physics=True) for physics in (PAPER, REAL)]
+    assert knowing[0].player.chain.config != knowing[1].player.chain.config, "the comparison can tell"
+    assert knowing[0].player.controller.task.physics != knowing[1].player.controller.task.physics
 
 
 def test_the_state_of_the_training_from_events_is_the_same_in_whatever_world() -> None:
-    one, other = (backend(physics, told=False)._chain.config for physics in (PAPER, REAL))
+    one, other = (backend(physics, knows_physics=False)._chain.config for physics in (PAPER, REAL))
     assert one == other
-    assert backend(REAL, told=True)._chain.config != one
+    assert backend(REAL, knows_physics=True)._chain.config != one
 
 
 @pytest.mark.parametrize("physics", [PAPER, REAL])
 def test_no_constant_of_the_world_is_expected_to_be_exactly_so(physics: PhysicsConfig) -> None:
-    config = closed_loop(physics, told=False).player.chain.config.filter
+    config = closed_loop(physics, knows_physics=False).player.chain.config.filter
     table, air = physics.table, physics.air
     for kind in filters_of(config):
         assert kind.restitution != table.restitution and kind.restitution_sigma > 0.02
         assert kind.friction != table.friction and kind.friction_sigma > 0.03
         if kind.magnus:
             assert kind.drag != air.drag_coefficient and kind.drag_sigma > 0.03
-    expected = closed_loop(physics, told=False).player.controller.task.physics
+    expected = closed_loop(physics, knows_physics=False).player.controller.task.physics
     assert expected.air.drag_coefficient != air.drag_coefficient
     assert expected.table.restitution != table.restitution and expected.table.friction != table.friction
 

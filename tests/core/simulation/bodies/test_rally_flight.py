@@ -22,14 +22,14 @@ def test_every_ball_bounces_once_on_the_other_half_and_clears_the_net(speed_mps)
     flights, strokes = drawn(speed_mps)
     assert len(strokes) == 3 * STROKES
     for flight in flights.flights:
-        arcs = flight.at(flight.kinks_s[:-1])
+        arcs = flight.at(flight.discontinuities_s[:-1])
         hits, bounces = arcs.p_world_m[0::2], arcs.p_world_m[1::2]
         assert len(hits) == len(bounces) == STROKES
         assert (np.sign(bounces[:, 0]) == -np.sign(hits[:, 0])).all()
         np.testing.assert_allclose(np.abs(hits[:, 0]), CONTACT_X_M, atol=1e-6)
         np.testing.assert_allclose(bounces[:, 2], BALL_RADIUS_M, atol=1e-9)
         assert (np.abs(bounces[:, :2]) < [TABLE_LENGTH_M / 2, TABLE_WIDTH_M / 2]).all()
-        path = flight.at(np.linspace(flight.kinks_s[0], flight.end_s - 1e-6, 20_001)).p_world_m
+        path = flight.at(np.linspace(flight.discontinuities_s[0], flight.end_s - 1e-6, 20_001)).p_world_m
         crossing = np.flatnonzero(np.diff(np.sign(path[:, 0])))
         assert len(crossing) == STROKES and (path[crossing, 2] > NET_HEIGHT_M + BALL_RADIUS_M).all()
 
@@ -41,7 +41,7 @@ def test_the_ball_is_in_one_place_and_turns_at_the_rackets() -> None:
         if np.isfinite(before).all():
             np.testing.assert_allclose(before, after, atol=1e-4)
         np.testing.assert_allclose(after - BALL_RADIUS_M * stroke.normal_world, stroke.p_world_m, atol=1e-4)
-    v = flights.flights[0].at(flights.flights[0].kinks_s[:-1]).v_world_mps
+    v = flights.flights[0].at(flights.flights[0].discontinuities_s[:-1]).v_world_mps
     assert (np.sign(v[0::2, 0]) == [-1, 1, -1, 1, -1]).all()
 
 
@@ -56,7 +56,7 @@ def test_the_players_rackets_are_where_the_ball_is_struck() -> None:
 
 def test_the_same_seed_is_the_same_rally_and_other_scenes_serve() -> None:
     one, same = drawn(seed=9)[0], drawn(seed=9)[0]
-    np.testing.assert_array_equal(one.kinks_s, same.kinks_s)
+    np.testing.assert_array_equal(one.discontinuities_s, same.discontinuities_s)
     serves, strokes = draw_flights(scene_named("person"), [LaunchConfig()] * 2, np.random.default_rng(1))
     assert strokes == () and len(serves.flights) == 2
 

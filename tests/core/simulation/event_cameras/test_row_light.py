@@ -43,9 +43,9 @@ def test_a_row_sees_what_its_pixels_see(maps, part: int, both: bool) -> None:
     there = np.ones(12, np.bool_)
     states = BallStates(np.zeros(12), ps, np.zeros((12, 3)), np.zeros((12, 3)), there)
     # Some leave the launcher's mouth: a plane through them hides a part.
-    portals = VisibleRange(np.tile([1.0, 0.0, 0.0], (12, 1)), np.where(np.arange(12) % 3, -np.inf, ps[:, 0]))
-    portals.offset_m[np.isinf(portals.offset_m)] = -1e3
-    balls = ball_shading_rows(CAMERA, SCENE, states, portals)
+    visible_range = VisibleRange(np.tile([1.0, 0.0, 0.0], (12, 1)), np.where(np.arange(12) % 3, -np.inf, ps[:, 0]))
+    visible_range.offset_m[np.isinf(visible_range.offset_m)] = -1e3
+    balls = ball_shading_rows(CAMERA, SCENE, states, visible_range)
     boxes = np.zeros((12, 3, 4), np.int64)
     ball_and_shadow_boxes(CAMERA, SCENE, states, boxes)
     view, row, lit, deep = view_numbers(CAMERA), np.full(ROW_NUMBERS, np.nan), 0, 0

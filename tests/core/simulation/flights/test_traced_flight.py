@@ -24,7 +24,7 @@ def traced(physics: PhysicsConfig = REAL, start_s: float = 0.05, exit_x_m: float
 
 def test_velocity_is_the_derivative_and_acceleration_is_gravity_drag_and_lift() -> None:
     flight = traced()
-    t = np.linspace(0.06, float(flight.kinks_s[1]) - 0.01, 40)
+    t = np.linspace(0.06, float(flight.discontinuities_s[1]) - 0.01, 40)
     h = 1e-5
     before, now, after = (flight.at(t + step) for step in (-h, 0.0, h))
     np.testing.assert_allclose((after.p_world_m - before.p_world_m) / (2 * h), now.v_world_mps, atol=1e-6)
@@ -38,7 +38,7 @@ def test_velocity_is_the_derivative_and_acceleration_is_gravity_drag_and_lift() 
 
 def test_the_ball_keeps_its_spin_in_the_air_and_bounces_as_the_table_says() -> None:
     flight = traced()
-    bounce_s = float(flight.kinks_s[1])
+    bounce_s = float(flight.discontinuities_s[1])
     before, after = (flight.at(bounce_s + step) for step in (-1e-9, 1e-9))
     np.testing.assert_array_equal(before.spin_radps[0], LAUNCH.spins_radps[0])
     assert before.p_world_m[0, 2] == pytest.approx(BALL_RADIUS_M, abs=1e-6)
@@ -54,9 +54,9 @@ def test_there_is_a_ball_from_the_launch_to_the_end_and_each_end_is_a_launcher_s
     assert np.isnan(states.p_world_m[[0, 3]]).all() and np.isnan(states.spin_radps[[0, 3]]).all()
     np.testing.assert_array_equal(states.p_world_m[1], LAUNCH.ps_m[0])
     assert states.p_world_m[2, 0] == pytest.approx(-1.8, abs=1e-4)
-    portals = flight.portals([1.0, end_s - 1e-6])
+    visible_range = flight.visible_range([1.0, end_s - 1e-6])
     for normal, offset, p, heading in zip(
-        portals.normal_world, portals.offset_m, states.p_world_m[1:3], (1, -1), strict=True
+        visible_range.normal_world, visible_range.offset_m, states.p_world_m[1:3], (1, -1), strict=True
     ):
         assert normal @ p - offset == pytest.approx(-BALL_RADIUS_M, abs=1e-4), "the ball is wholly behind it"
         assert np.sign(normal[0]) == -heading
@@ -68,7 +68,7 @@ def test_hardly_any_air_gives_the_closed_form() -> None:
     assert isinstance(parabola, ParabolicPath)
     t = np.linspace(0.05, parabola.end_s - 1e-9, 500)
     np.testing.assert_allclose(thin.at(t).p_world_m, parabola.at(t).p_world_m, atol=1e-9)
-    np.testing.assert_allclose(thin.kinks_s, parabola.kinks_s, atol=1e-9)
+    np.testing.assert_allclose(thin.discontinuities_s, parabola.discontinuities_s, atol=1e-9)
 
 
 @pytest.mark.parametrize("speed", [3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0])
@@ -76,13 +76,13 @@ def test_real_serves_clear_the_net_and_bounce_once_where_they_are_meant_to(speed
     config = LaunchConfig(speed_mps=speed, yaw_spread_deg=3.0, spin_spread_radps=50.0)
     series = draw_serve_series([config] * 20, np.random.default_rng(int(speed)), REAL)
     for flight in series.flights:
-        kinks_s = flight.kinks_s
-        assert len(kinks_s) == 3
-        states = flight.at(np.linspace(kinks_s[0], flight.end_s - 1e-9, 2000))
+        discontinuities_s = flight.discontinuities_s
+        assert len(discontinuities_s) == 3
+        states = flight.at(np.linspace(discontinuities_s[0], flight.end_s - 1e-9, 2000))
         assert np.linalg.norm(states.v_world_mps[0]) == pytest.approx(speed)
         at_net = np.argmin(np.abs(states.p_world_m[:, 0]))
         assert states.p_world_m[at_net, 2] > NET_HEIGHT_M + BALL_RADIUS_M - 0.01
-        x, y, _ = flight.at(kinks_s[1]).p_world_m[0]
+        x, y, _ = flight.at(discontinuities_s[1]).p_world_m[0]
         assert abs(x - config.bounce_x_m) <= config.bounce_spread_m + 1e-9 and x > -TABLE_LENGTH_M / 2
         assert abs(y) < TABLE_WIDTH_M / 2
 

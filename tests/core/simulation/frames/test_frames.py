@@ -201,11 +201,11 @@ def test_bodies_blur_with_everything_else(t_us: int) -> None:
             rig.take(path, None, before_us)
     seen, known = rig.take(path, None, t_us), np.zeros((90, 160, 3))
     t_s = (t_us - 4000 + (np.arange(100) + 0.5) * 80) * 1e-6
-    states, portals = path.at(t_s), path.portals(t_s)
+    states, visible_range = path.at(t_s), path.visible_range(t_s)
     for channel, scene in enumerate(coloured_scenes(SCENE, "orange")):
         picture = BodyPicture(camera, scene, Tinted(bodies, channel), make_background(camera, scene))
         out = np.empty(160 * 90)
-        for time_s, ball in zip(t_s, ball_shading_rows(camera, scene, states, portals), strict=True):
+        for time_s, ball in zip(t_s, ball_shading_rows(camera, scene, states, visible_range), strict=True):
             picture.draw(float(time_s), float(ball[2]) if ball[2] > 0 else np.inf)
             picture.render(tuple(ball.tolist()), (0.0,) * RACKET_COLUMNS, False, out)
             known[:, :, channel] += np.exp(out).reshape(90, 160) / len(t_s)

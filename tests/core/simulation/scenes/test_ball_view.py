@@ -44,7 +44,7 @@ def states() -> BallStates:
 
 
 @pytest.fixture(scope="module")
-def portals() -> VisibleRange:
+def visible_range() -> VisibleRange:
     rng = np.random.default_rng(5)
     normal = rng.standard_normal((400, 3))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -53,7 +53,7 @@ def portals() -> VisibleRange:
     return VisibleRange(normal, offset)
 
 
-def plain_rows(camera: Camera, states: BallStates, portals: VisibleRange) -> np.ndarray:
+def plain_rows(camera: Camera, states: BallStates, visible_range: VisibleRange) -> np.ndarray:
     ps_world = np.where(states.present[:, None], states.p_world_m, camera.position_world_m)
     ps = camera.to_camera(ps_world)
     ps[~states.present] = (0.0, 0.0, -1e3)
@@ -62,14 +62,14 @@ def plain_rows(camera: Camera, states: BallStates, portals: VisibleRange) -> np.
     obliquity = distance2 / np.maximum(ps[:, 2], 1e-3) ** 2
     px_per_m = np.sqrt(camera.K[0, 0] * camera.K[1, 1]) * obliquity**0.75 / np.sqrt(distance2)
     edge = SCENE.edge_px / px_per_m
-    whole = np.einsum("ij,ij->i", portals.normal_world, ps_world) - portals.offset_m > 2 * BALL_RADIUS_M
+    whole = np.einsum("ij,ij->i", visible_range.normal_world, ps_world) - visible_range.offset_m > 2 * BALL_RADIUS_M
     inner = BALL_RADIUS_M - (0.5 + INNER_STRIDE * STEP_PX / SCENE.edge_px) * edge
     columns = [
         ps,
         distance2 - BALL_RADIUS_M**2,
         edge,
-        portals.normal_world @ R_camera_world.T,
-        portals.offset_m - portals.normal_world @ camera.position_world_m,
+        visible_range.normal_world @ R_camera_world.T,
+        visible_range.offset_m - visible_range.normal_world @ camera.position_world_m,
         ps_world,
         np.where(states.present, SCENE.shadow, 0.0),
         np.full(len(ps), SCENE.ball),
@@ -105,9 +105,9 @@ def plain_shadow_outline(camera: Camera, p: np.ndarray) -> np.ndarray:
     return camera.project(points.reshape(-1, 3)).reshape(len(p), 8, 2)
 
 
-def test_the_rows_that_shade_the_ball(camera, states, portals) -> None:
-    rows = ball_shading_rows(camera, SCENE, states, portals)
-    np.testing.assert_allclose(rows, plain_rows(camera, states, portals), rtol=1e-9, atol=1e-12)
+def test_the_rows_that_shade_the_ball(camera, states, visible_range) -> None:
+    rows = ball_shading_rows(camera, SCENE, states, visible_range)
+    np.testing.assert_allclose(rows, plain_rows(camera, states, visible_range), rtol=1e-9, atol=1e-12)
 
 
 def test_the_boxes_of_ball_and_shadow(camera, states) -> None:

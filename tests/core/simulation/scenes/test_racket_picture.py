@@ -166,7 +166,7 @@ def dense(camera: Camera, ball: BallPath, racket: RacketPath, end_us: int) -> tu
     """Events per pixel and their times from every pixel every 20 us, without the refractory time's details."""
     step_us, maps, view = 20, make_background(camera, SCENE), view_numbers(camera)
     times_us = np.arange(0, end_us + 1, step_us, dtype=np.float64)
-    balls = ball_shading_rows(camera, SCENE, ball.at(times_us * 1e-6), ball.portals(times_us * 1e-6))
+    balls = ball_shading_rows(camera, SCENE, ball.at(times_us * 1e-6), ball.visible_range(times_us * 1e-6))
     rackets = racket_shading_rows(camera, SCENE.racket, SCENE.edge_px, racket, racket.at(times_us * 1e-6))
     light = np.empty(len(maps))
     render_light(maps, view, Moving(tuple(balls[0]), tuple(rackets[0]), True, True, True), light)
