@@ -23,7 +23,7 @@ from core.errors import CommandError, RallyscopeError
 
 A = TypeVar("A")
 LARGEST_COUNT = 10**12
-"""Of anything that can be counted here; a time of eleven days in us."""
+"""Largest number that is accepted: a time of eleven days in us."""
 DATA = Path("rallyscope-data")
 """The workspace, unless `--data` names another."""
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from app.cli.arguments import PositiveInt, flag, positional, setting_flag
 from app.cli.calibrate_intrinsics import check_destinations
-from app.cli.cameras import told_calibration
+from app.cli.cameras import noted_calibration
 from app.cli.detector_arguments import MethodArguments
 from app.cli.files import write_text
 from app.cli.progress import progress_bar
@@ -188,7 +188,7 @@ def detect_tracks(
 
 def read_lens(name: str, path: Path) -> Camera:
     """The camera of that name in a calibration file, or the only one in it."""
-    cameras = told_calibration(path)
+    cameras = noted_calibration(path)
     if len(cameras) > 1 and name not in cameras:
         raise CommandError(f"no camera {name!r}", expected=f"one of {', '.join(cameras)}", where=path)
     return cameras.get(name) or next(iter(cameras.values()))

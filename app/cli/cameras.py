@@ -27,10 +27,10 @@ def named_cameras(where: str, sensor: SensorSize | None) -> dict[str, Camera]:
         raise CommandError("no such cameras", expected=expected, got=repr(where), where="--cameras")
     if sensor is not None:
         raise CommandError("--sensor goes with a placement; a calibration file has its own", where="--sensor")
-    return told_calibration(Path(where))
+    return noted_calibration(Path(where))
 
 
-def told_calibration(path: Path) -> dict[str, Camera]:
+def noted_calibration(path: Path) -> dict[str, Camera]:
     """The cameras of a calibration file; what had to be assumed about them is said on standard error.
 
     Raises:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from app.cli.arguments import flag
-from app.cli.cameras import told_calibration
+from app.cli.cameras import noted_calibration
 from core.cameras import Camera
 from core.errors import CommandError
 
@@ -71,7 +71,7 @@ def read_camera_order(source: str | None, arguments: CameraArguments) -> CameraO
         raise CommandError("not one or more different cameras", expected=FORM, got=repr(source), where="--source")
     if arguments.sync_cable and len(serials) < 2:
         raise CommandError("a sync cable joins two cameras", expected=FORM, got=repr(source), where="--sync-cable")
-    calibration = {} if arguments.calibration is None else told_calibration(arguments.calibration)
+    calibration = {} if arguments.calibration is None else noted_calibration(arguments.calibration)
     if calibration and len(calibration) != len(serials):
         got = f"{len(serials)} cameras, and {len(calibration)} in the file"
         raise CommandError("the calibration is of other cameras", got=got, where=arguments.calibration)

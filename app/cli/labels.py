@@ -26,7 +26,7 @@ from labels.formats.picture_times import FrameTimes, read_frame_times
 from labels.store import LabelStore, Layer, find_layers
 
 MAX_REASONS = 4
-"""Of the line that says why nothing was imported."""
+"""Number of reasons in the line that says why nothing was imported."""
 FORMAT_HELP = "; ".join(f"{name}: {item.summary}" for name, item in FORMATS.items())
 
 

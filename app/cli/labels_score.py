@@ -78,7 +78,7 @@ class LabelAnswers:
     """What a detector says at the labels of a recording."""
 
     own_time: WindowAnswers
-    """Of the balls at the labels' own times."""
+    """Answers about the balls at the labels' own times."""
     in_time: InTime | None
     """The newest answers that have arrived by then; None if nobody asked."""
 

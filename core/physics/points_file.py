@@ -36,9 +36,9 @@ LARGEST_TIME_S = 1e10
 LARGEST_PLACE_M = 100.0
 """From the middle of the table: a hall is not larger, and a table of 2.74 m in millimetres is."""
 MOST_MISSING: Final = 0.5
-"""Of the rows: beyond that, the file is not what it seems."""
+"""Share of the rows without a number: beyond that, the file is not what it seems."""
 SEVERAL_FLIGHTS: Final = 0.2
-"""Of the whole time: a step back by more is the start of another flight."""
+"""Share of the whole time: a step back by more is the start of another flight."""
 LONGEST_GAP_S: Final = 1.0
 """A flight over the table is shorter."""
 LEAST_STEP_S: Final = 1e-6
@@ -246,10 +246,10 @@ def _scaled(table: Array, lines: NDArray[np.int64], columns: _Columns, path: Pat
     units = (
         f"{columns.names[0]} in {_unit_name(time_s, 's')}, {','.join(columns.names[1:])} in {_unit_name(place_m, 'm')}"
     )
-    said = f"{len(t_s)} points over {1e3 * (t_s[-1] - t_s[0]):.0f} ms, {units}"
+    text = f"{len(t_s)} points over {1e3 * (t_s[-1] - t_s[0]):.0f} ms, {units}"
     if (gap_s := float(np.diff(t_s).max(initial=0.0))) > LONGEST_GAP_S:
         notes.append(f"no point for {gap_s:.1f} s: does the file hold several flights?")
-    return PointsFile(t_s, ps_m, said + _words(motion, notes), tuple(notes))
+    return PointsFile(t_s, ps_m, text + _words(motion, notes), tuple(notes))
 
 
 def _unit_name(size: float, unit: str) -> str:

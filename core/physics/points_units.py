@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 SPEEDS_MPS: Final = (0.2, 60.0)
-"""Of a ball in play, noise included: the fastest strokes have 35 m/s."""
+"""Greatest speed of a ball in play, noise included: the fastest strokes have 35 m/s."""
 LIKELY_MPS: Final = (1.0, 40.0)
 FALLS_MPS2: Final = (3.0, 30.0)
 """Gravity is 9.8; spin and drag of a fast ball add or take up to twice that."""
 WIDEST_M: Final = 12.0
-"""Of a flight."""
+"""Range for a flight."""
 FEWEST: Final = 5
 """Points from which a motion is measured."""
 FEWEST_FOR_FALL: Final = 8
