@@ -107,7 +107,8 @@ ASSUMED = {
     "npz": ["sensor size", "unit"], "csv": ["sensor size", "unit"], "xs_ys_ts_ps": ["sensor size", "unit"],
     "raw_events": ["sensor size", "unit"], "text": ["sensor size", "columns", "unit"],
     "npy rows": ["sensor size", "columns", "unit"],
-    "v2e": ["sensor size", "taken for t, x, y, p", "the unit of its times"], "aedat2": ["bit 0"], "bag of packets": ["one clock"],
+    "v2e": ["sensor size", "taken for t, x, y, p", "the unit of its times"],
+    "aedat2": ["bit 0"], "bag of packets": ["one clock"],
 }  # fmt: skip
 
 
