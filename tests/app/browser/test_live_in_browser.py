@@ -235,7 +235,7 @@ def tune_and_the_flat_pictures_work_on_the_live_rally(live_window, wait_for) -> 
     wait_for(lambda: live_window.session.sheet.pictures, "the picture of Tune")
     assert live_window.state.recording == LIVE
     live_window.session.send(SetMethod("refined"))
-    live_window.page.get_by_text("refined has seen the 60 windows before").wait_for()
+    live_window.page.get_by_text("refined has processed the 60 windows before").wait_for()
     live_window.page.get_by_text("Compare methods", exact=True).click()
     live_window.press("Compare over time")
     live_window.page.get_by_text("against the truth").wait_for()
