@@ -265,7 +265,7 @@ def _open_feeds(
         raise RecordingError("no sources", expected="an event file or more")
     far = [one for one in ([offset_us] if isinstance(offset_us, int) else offset_us) if abs(one) > _FARTHEST_US]
     if far:
-        raise RecordingError("no such offset", expected=f"at most {_FARTHEST_US} us", got=far[0], where="offset_us")
+        raise RecordingError("no such offset", expected=f"at most {_FARTHEST_US} us", got=far[0], where="--offset-us")
     sizes = [*sensor] if isinstance(sensor, Sequence) else [sensor] * len(paths)
     if len(sizes) != len(paths):
         raise RecordingError("not a sensor size for each source", expected=len(paths), got=len(sizes))

@@ -40,7 +40,7 @@ def test_what_is_asked_for_must_be_one_thing_and_possible(states: Path, tmp_path
         ([], "RUN"),
         (["a-run", "--ball-states", str(states)], "RUN"),
         (["--ball-states", str(bad)], "bad.json"),
-        (["--ball-states", str(states), "--told-after-ms", "-1"], "told_after_ms"),
+        (["--ball-states", str(states), "--told-after-ms", "-1"], "--told-after-ms"),
         (["--ball-states", str(states), "--report", str(tmp_path / "no" / "page.md")], "--report"),
         (["--ball-states", str(states), "--report", str(tmp_path / "page.txt")], "--report"),
     ):

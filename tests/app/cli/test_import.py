@@ -179,7 +179,7 @@ def test_what_an_import_assumes_is_printed_and_listed_by_info(tmp_path, csv, cap
     [
         (["missing.raw", "--check"], "missing.raw: the file cannot be opened"),
         (["{csv}", "missing.raw", "--check"], "missing.raw: the file cannot be opened"),
-        (["{csv}", "{csv}", "{csv}", "--check"], "wrong number of files; expected SRC [SRC2] --check, got 3"),
+        (["{csv}", "{csv}", "{csv}", "--check"], "the names do not fit; expected 3 different ones"),
         (["{csv}", "--check", "--width", "30", "--height", "20"], "expected a sensor of at least 300x200"),
         (["{csv}", "--check", "--polarity", "1=on,2=off"], "which polarity is ON cannot be told"),
     ],

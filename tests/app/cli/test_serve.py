@@ -159,7 +159,7 @@ def test_a_port_in_use_is_one_clear_line(serve_recording, tmp_path, capsys) -> N
         (["--source", "tcp://127.0.0.1:1", "--physics", "real"], "not a simulation of its own"),
         (["demo.h5", "--physics", "real"], "not a simulation of its own"),
         (["--rerun", "http://127.0.0.1:9876"], "not a Rerun viewer"),
-        (["--port", "http"], "invalid int value"),
+        (["--port", "http"], "expected a whole number"),
         (["--folder", "no-such-folder"], "not a folder"),
     ],
 )

@@ -14,7 +14,7 @@ from app.cli import main
         (["--bind", "nonsense"], "tcp://HOST:PORT"),
         (["--bind", "tcp://127.0.0.1:99999"], "tcp://HOST:PORT"),
         (["--bind", "ipc:///tmp/x"], "tcp://HOST:PORT"),
-        (["--noise-hz", "500"], "noise_hz"),
+        (["--noise-hz", "500"], "--noise-hz"),
         (["--auto-serve", "1"], "3 to 9 m/s"),
         (["--seed", "-1"], "no such seed"),
         (["--physics", "moon"], "invalid choice"),

@@ -156,7 +156,7 @@ MISTAKES = [
     (("--sensor", "64"), "WIDTHxHEIGHT"),
     (("--sensor", "8x8"), "16 to 4096"),
     (("--sensor", "²²x64"), "WIDTHxHEIGHT"),
-    (("--cameras", "moon"), "side, ceiling, behind or a calibration file"),
+    (("--cameras", "moon"), "side, ceiling, behind, corners or a calibration file"),
     (("--cameras", __file__), "--sensor goes with a placement"),
     (("--scene", "moon"), "ball, dark"),
     (("--physics", "moon"), "invalid choice"),
