@@ -7,6 +7,7 @@ adjustment starts from our rig with errors of 10 mm and 0.3 degrees, and gets th
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -230,8 +231,7 @@ def pose_errors(found: Sequence[Camera], true: Sequence[Camera]) -> Array:
 def referee(tracks: BodyTracks, found: ManyCalibration) -> ManyRig | None:
     """The rig of aniposelib's bundle adjustment over the same points, its baseline made ours; None if not installed."""
     try:
-        from aniposelib.cameras import Camera as AniposeCamera  # pyright: ignore[reportMissingImports]
-        from aniposelib.cameras import CameraGroup  # pyright: ignore[reportMissingImports]
+        anipose = importlib.import_module("aniposelib.cameras")
     except ImportError:
         return None
     rig, rng = _rig_of(found), np.random.default_rng(0)
@@ -239,7 +239,9 @@ def referee(tracks: BodyTracks, found: ManyCalibration) -> ManyRig | None:
     uvs = np.stack([report.uvs_px for report in found.reports.values()], axis=2)
     points = np.where(used[..., None], uvs, np.nan).reshape(-1, len(rig.cameras), 2)
     points = points[np.isfinite(points[..., 0]).sum(axis=1) >= 2]
-    group: Any = CameraGroup([_for_anipose(AniposeCamera, camera, rng, k) for k, camera in enumerate(rig.cameras)])
+    group: Any = anipose.CameraGroup(
+        [_for_anipose(AniposeCamera, camera, rng, k) for k, camera in enumerate(rig.cameras)]
+    )
     group.bundle_adjust(points.transpose(1, 0, 2), ftol=1e-10, max_nfev=200, only_extrinsics=True, verbose=False)
     Ts = [_from_anipose(camera) for camera in group.cameras]
     Ts = [invert_transform(Ts[0]) @ T for T in Ts]

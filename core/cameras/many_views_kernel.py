@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,22 @@ from core.jit import njit
 Array = NDArray[np.float64]
 ROUNDS: Final = 3
 """Gauss-Newton steps from the point nearest to the rays: the third moves it by less than a micrometre."""
+
+
+class RigArrays(NamedTuple):
+    """The C cameras of a rig: lenses, centres (C, 3) in the world, rotations (C, 3, 3) from world to camera."""
+
+    lenses: Array
+    centres: Array
+    Rs: Array
+
+
+class Equations(NamedTuple):
+    """One Gauss-Newton step: (3, 3), (3,), and the covariance (3, 3) of the gradient by the pixels' noise."""
+
+    hessian: Array
+    gradient: Array
+    noise: Array
 
 
 @njit
@@ -50,13 +66,14 @@ def _weights(spread: Array, floor_px: float) -> tuple[float, float, float]:
 
 @njit
 def _normal_equations(
-    p: Array, uvs: Array, lenses: Array, centres: Array, Rs: Array, spreads: Array, floor_px: float,
-    hessian: Array, gradient: Array, noise: Array, distances: Array,
-) -> bool:  # fmt: skip
+    p: Array, uvs: Array, rig: RigArrays, spreads: Array, floor_px: float, equations: Equations, distances: Array
+) -> bool:
     """Fill the equations of one step and each camera's distance (C,) in pixels; false if a camera cannot see `p`.
 
     `noise` (3, 3) gets the covariance of the gradient by the pixels' noise, without the floor.
     """
+    lenses, centres, Rs = rig
+    hessian, gradient, noise = equations
     hessian[:], gradient[:], noise[:] = 0.0, 0.0, 0.0
     slopes, moved = np.empty((2, 3)), np.empty(3)
     for camera in range(len(lenses)):
@@ -86,16 +103,23 @@ def _normal_equations(
 
 @njit
 def refine_rows(
-    uvs: Array, lenses: Array, centres: Array, Rs: Array, spreads: Array, floor_px: float,
-    ps: Array, residuals: Array, covs: Array, distances: Array,
+    uvs: Array,
+    rig: RigArrays,
+    spreads: Array,
+    floor_px: float,
+    ps: Array,
+    residuals: Array,
+    covs: Array,
+    distances: Array,
 ) -> None:  # fmt: skip
     """Improve what `triangulate_rows` found where three cameras or more see the ball; rows of two stay as they are.
 
     `distances` (N, C) gets how far each camera's pixel is from the projected point, nan for cameras that do not see it.
     """
-    cameras = len(lenses)
+    cameras = len(rig.lenses)
     hessian, noise, inverse, scaled = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     gradient = np.empty(3)
+    equations = Equations(hessian, gradient, noise)
     for row in range(len(uvs)):
         seen = 0
         for camera in range(cameras):
@@ -103,9 +127,7 @@ def refine_rows(
         p = ps[row].copy()
         usable, scale = not math.isnan(p[0]), 1.0
         for step in range(ROUNDS + 1):
-            if not usable or not _normal_equations(
-                p, uvs[row], lenses, centres, Rs, spreads[row], floor_px, hessian, gradient, noise, distances[row]
-            ):
+            if not usable or not _normal_equations(p, uvs[row], rig, spreads[row], floor_px, equations, distances[row]):
                 usable = False
                 break
             scale = (hessian[0, 0] + hessian[1, 1] + hessian[2, 2]) / 3.0

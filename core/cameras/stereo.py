@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.cameras.camera import Camera
-from core.cameras.many_views_kernel import refine_rows
+from core.cameras.many_views_kernel import RigArrays, refine_rows
 from core.cameras.stereo_kernel import triangulate_rows
 from core.config import check_settings, setting
 from core.errors import CalibrationError
@@ -128,9 +128,7 @@ class StereoRig:
         if distances is not None:
             refine_rows(
                 uvs,
-                self._lenses,
-                self._centres,
-                self._Rs,
+                RigArrays(self._lenses, self._centres, self._Rs),
                 spreads,
                 self.config.floor_px,
                 points.ps_world_m,

@@ -69,7 +69,7 @@ def _decode(path: Path, size: SensorSize, atis: bool, report: DecodeReport) -> I
     while True:
         t, x, y = (np.empty(_ROOM_EVENTS, np.int64) for _ in range(3))
         on = np.empty(_ROOM_EVENTS, np.bool_)
-        count = _decode_bytes(data, state, size.width_px, size.height_px, atis, t, x, y, on)
+        count = _decode_bytes(data, state, (size.width_px, size.height_px), atis, t, x, y, on)
         if not count:
             break
         events += count
@@ -115,8 +115,9 @@ def _is_in_step(data, at, width, height, atis):
 
 
 @njit
-def _decode_bytes(data, state, width, height, atis, t, x, y, on):
+def _decode_bytes(data, state, size, atis, t, x, y, on):
     """Fill the columns as far as there is room; returns how many events there are."""
+    width, height = size
     at, now = state[_POSITION], state[_TIME]
     events = 0
     while at < len(data) and events < len(t):
