@@ -239,9 +239,8 @@ def referee(tracks: BodyTracks, found: ManyCalibration) -> ManyRig | None:
     uvs = np.stack([report.uvs_px for report in found.reports.values()], axis=2)
     points = np.where(used[..., None], uvs, np.nan).reshape(-1, len(rig.cameras), 2)
     points = points[np.isfinite(points[..., 0]).sum(axis=1) >= 2]
-    group: Any = anipose.CameraGroup(
-        [_for_anipose(AniposeCamera, camera, rng, k) for k, camera in enumerate(rig.cameras)]
-    )
+    cameras = [_for_anipose(anipose.Camera, camera, rng, k) for k, camera in enumerate(rig.cameras)]
+    group: Any = anipose.CameraGroup(cameras)
     group.bundle_adjust(points.transpose(1, 0, 2), ftol=1e-10, max_nfev=200, only_extrinsics=True, verbose=False)
     Ts = [_from_anipose(camera) for camera in group.cameras]
     Ts = [invert_transform(Ts[0]) @ T for T in Ts]
