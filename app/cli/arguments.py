@@ -209,20 +209,21 @@ def given(values: Mapping[str, A | None]) -> dict[str, A]:
 
 def positive_int(text: str) -> int:
     """A whole number above 0."""
-    try:
-        value = int(text)
-    except ValueError:
-        value = 0
-    if not 0 < value <= LARGEST_COUNT:
-        raise argparse.ArgumentTypeError(f"expected a whole number above 0, got {text!r}")
-    return value
+    return _whole(text, 1, "above 0")
 
 
 def whole_number(text: str) -> int:
     """A whole number from 0."""
-    value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"expected a whole number from 0, got {text!r}")
+    return _whole(text, 0, "from 0")
+
+
+def _whole(text: str, least: int, words: str) -> int:
+    try:
+        value = int(text)
+    except ValueError:
+        value = least - 1
+    if not least <= value <= LARGEST_COUNT:
+        raise argparse.ArgumentTypeError(f"expected a whole number {words}, got {text!r}")
     return value
 
 

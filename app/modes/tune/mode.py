@@ -243,11 +243,8 @@ class TuneMode:
             # What a person said, else what the simulation knows.
             reference = find_reference(folder, uuid, stream.name, annotator)
             if reference is None:
-                detector, window_us = (
-                    TimedDetector(make_detector(method, stream.sensor, config)),
-                    config.window.window_us,
-                )
-                truth = known_truth(stream)
+                detector = TimedDetector(make_detector(method, stream.sensor, config))
+                truth, window_us = known_truth(stream), config.window.window_us
                 answers = run_detector(stream, detector, window_us, progress=progress, cancelled=cancelled)
                 runs = runs_of_verdicts(judge_answers(answers, truth), window_us)
                 later(lambda: self._show_verdicts(uuid, runs))

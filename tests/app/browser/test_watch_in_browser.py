@@ -12,11 +12,14 @@ BALL_US = 340_000
 
 def it_opens_on_both_cameras_and_finds_the_ball_in_them(window, count_like) -> None:
     window.seek(BALL_US)
-    canvas = window.wait_for_pixels("watch", lambda canvas: count_like(canvas, YELLOW) > 30)
+    canvas = window.wait_for_pixels(  # the picture of the moment before may still be there, with a ball too
+        "watch",
+        lambda canvas: (
+            count_like(canvas, YELLOW) > 30 and min(count_like(canvas, ORANGE), count_like(canvas, BLUE)) > 50
+        ),
+    )
     left, right = canvas[:, :435], canvas[:, 435:]
     assert count_like(left, YELLOW) > 15 and count_like(right, YELLOW) > 15
-    # Noise is dimmer than both; the circle found lies on the leading half, which is ON, and on a part of the other.
-    assert count_like(canvas, ORANGE) > 20 and count_like(canvas, BLUE) > 20
 
 
 def the_space_bar_plays_and_pauses(window, wait_for) -> None:

@@ -203,10 +203,10 @@ def test_a_type_of_its_own_reads_the_word() -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("simulate --out {new} --noise-hz -1", "argument --noise-hz: expected 0 to 20, got '-1'"),
-        ("simulate --out {new} --speed 900", "argument --speed: expected 3 to 9, got '900'"),
+        ("simulate --out {new} --noise-hz -1", "rallyscope simulate: argument --noise-hz: expected 0 to 20, got '-1'"),
+        ("simulate --out {new} --speed 900", "rallyscope simulate: argument --speed: expected 3 to 9, got '900'"),
         ("train --out {new} --speeds 0", "--speeds: no serve of this speed; expected 3 to 9 m/s, got (0.0,)"),
-        ("sim-server --auto-serve 900", "argument --auto-serve: expected 0 to 9, got '900'"),
+        ("sim-server --auto-serve 900", "rallyscope sim-server: argument --auto-serve: expected 0 to 9, got '900'"),
         (
             "import {csv} {csv} {new} --offset-us 99999999999999999999999",
             "--offset-us: no such offset; expected at most",
@@ -222,5 +222,5 @@ def test_a_message_about_a_setting_names_the_flag_that_set_it(tmp_path, capsys, 
     filled = words.format(new=tmp_path / "new", csv=tmp_path / "a.csv")
     assert main(filled.split()) == 2
     err = capsys.readouterr().err
-    assert err.startswith("rallyscope: ") and message in err and err.count("\n") == 1
+    assert err.startswith(f"rallyscope: {message}") and err.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
