@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from playwright.sync_api import Browser, Locator, Page, sync_playwright
+from playwright.sync_api import TimeoutError as PlaywrightTimeoutError
 
 from app.client_session.tour import TOUR
 from app.modes.watch.commands import ShowSpace
@@ -164,6 +165,21 @@ class Window:
         """The input that stands beside a label."""
         found = self.page.locator("label").filter(has_text=re.compile(f"^{re.escape(label)}$"))
         return found.locator("xpath=ancestor::*[.//input][1]").locator("input").last
+
+    def choose(self, label: str, option: str) -> None:
+        """Choose in the dropdown beside a label: its list is hidden while a panel above moves it out of sight."""
+        field = self.field(label).locator("xpath=..").locator("input:visible").first
+        choice = self.page.locator("div[role=option]:visible").get_by_text(option, exact=True)
+        for _ in range(10):
+            field.scroll_into_view_if_needed()
+            if not choice.is_visible():
+                field.click()
+            try:
+                choice.click(timeout=15_000)
+            except PlaywrightTimeoutError:
+                continue
+            return
+        raise AssertionError(f"{option!r} of {label!r} could not be chosen")
 
     def fill(self, field: Locator, text: str) -> None:
         """Type into a field as fast as a hand: of what is changed within 50 ms viser sends only the last control's."""

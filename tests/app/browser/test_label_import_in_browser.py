@@ -33,8 +33,7 @@ def test_labels_of_a_file_are_shown_over_their_events_and_stored_only_when_accep
     wait_for(lambda: mode._imports._panel.chosen[0] == "yolo of the lab", "the folder to be offered")
     page = window.page
     page.get_by_text("Import labels", exact=True).click()
-    window.field("Made by").locator("xpath=..").locator("input:visible").first.click()
-    page.locator("div[role=option]:visible").get_by_text("YOLO", exact=True).click()
+    window.choose("Made by", "YOLO")
     page.wait_for_timeout(200)
     window.press("Look at them")
     accept = page.get_by_role("button", name="Accept 10 labels")
