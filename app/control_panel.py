@@ -10,7 +10,7 @@ import viser
 from app import theme
 from app.panels.keys import add_keys, place_below_pictures, tour_button_html
 from app.panels.recording_info import RecordingInfo, RecordingInfoPanel
-from app.pictures.event_picture import RENDERINGS
+from app.pictures.canvas import RENDERINGS
 from app.pictures.palette import POLARITY_COLOURS, PaletteIndex, PolarityColours, palette
 from app.state.client_state import ARRANGEMENTS, MODES, ClientState
 from app.state.commands import (

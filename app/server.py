@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import gc
 import logging
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from typing import Final
 
 import viser
 
-from app.background.gc_freeze import GcFreeze
 from app.modes.services import Services
 from app.panels.recording_info import gather_info
 from app.scene.painted import floor_picture
@@ -21,7 +22,7 @@ from app.shared.job_backends import HERE_ONLY, JobBackends
 from app.shared.library import Library
 from app.shared.live_rally import LIVE, LiveRally
 from app.shared.workspace import Workspace
-from app.startup.steps import Preparation
+from app.startup.startup import Preparation
 from app.web import Admission, Gateway, open_gateway
 from core.detection import DetectorConfig, FastDetector, TrackState, trace_window
 from core.detection.fast.cluster import grid_labels
@@ -32,6 +33,29 @@ from core.events import Events, SensorSize, Window
 from core.files import clear_unfinished
 
 logger = logging.getLogger(__name__)
+
+
+AFTER_S: Final = (5.0, 30.0, 120.0)
+"""Times after the first browser connected; by then scene, chain and the modules of Watch are loaded."""
+
+
+class GcFreeze:
+    """Freezes existing objects a few times after the app's start; garbage at that moment is never freed."""
+
+    def __init__(self) -> None:
+        self._begun_s: float | None = None
+        self._done = 0
+
+    def tick(self, wall_s: float, *, busy: bool) -> None:
+        """`busy`: a browser is connected."""
+        if self._begun_s is None and busy:
+            self._begun_s = wall_s
+        if self._begun_s is None or self._done == len(AFTER_S) or wall_s - self._begun_s < AFTER_S[self._done]:
+            return
+        self._done += 1
+        gc.freeze()
+
+
 TICK_S = 1 / 61
 """Period of the loop, s: 60 Hz; late turns may be skipped."""
 IDLE_S = 0.25

@@ -11,14 +11,14 @@ from typing import Final
 
 import viser
 
-from app.background.worker import LatestWins
+from app.background.jobs import LatestWins
 from app.client_session import SessionPage
-from app.client_session.files import FileOpening
-from app.client_session.frame_throttle import FrameThrottle
+from app.client_session.file_opening import FileOpening
 from app.client_session.opening_moment import OpeningMoment
+from app.client_session.session_page import FrameThrottle
 from app.client_session.tour import Tour
 from app.control_panel import ControlPanel
-from app.formatting.text import notice_of
+from app.formatting import notice_of
 from app.modes.export.mode import ExportMode
 from app.modes.label.mode import LabelMode
 from app.modes.mode import Middle, Mode, ModeFactory
@@ -31,13 +31,11 @@ from app.panels.recording_info import RecordingInfo, gather_info
 from app.panels.time_bar import Runs, TimeBar, Tracks, moments_of, opening_us, same_moments, tracks_of
 from app.scene.world import World
 from app.shared.source_notifications import SourceNotifications
-from app.startup.awaited import AwaitedRecording
-from app.startup.panel import PreparationPanel
-from app.startup.steps import Preparation
-from app.state.client_state import MODES, ClientState, ModeName
+from app.startup.panel import AwaitedRecording, PreparationPanel
+from app.startup.startup import Preparation
+from app.state.client_state import MODES, ClientState, ModeName, Playhead
 from app.state.commands import Command, SetMode, TogglePlay
-from app.state.playback import Playhead
-from app.state.table_clicks import TableClicks
+from app.state.swept_cells import TableClicks
 from app.views.image_view import ImageView
 from app.views.mosaic import Mosaic
 from app.views.requests import WatchRequest, render_watch

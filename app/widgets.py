@@ -78,6 +78,10 @@ class Listing:
         """The chosen option; None while there are none."""
         return None if self._dropdown.value == NOTHING else self._dropdown.value
 
+    def remove(self) -> None:
+        """Take it away."""
+        self._dropdown.remove()
+
     def offer(self, options: tuple[str, ...]) -> None:
         """Replace the options; the choice stays where it still is one."""
         options = options or (NOTHING,)

@@ -1,12 +1,15 @@
-"""What figures were measured on, and whether they are what was aimed at."""
+"""What figures were measured on, whether they are what was aimed at, and a report of rows as they are measured: some
+take many minutes to the last.
+"""
 
 from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib.metadata import version
 from pathlib import Path
+from typing import Protocol, runtime_checkable
 
 Row = dict[str, object]
 
@@ -37,3 +40,27 @@ def goal_row(what: str, measured: float, goal: float, unit: str, *, least: bool 
     met = measured >= goal if least else measured <= goal
     row: Row = {"what": what, "measured": float(measured), "goal": f"{'>=' if least else '<='} {goal:g}"}
     return {**row, "unit": unit, "met": bool(met), "note": note}
+
+
+@runtime_checkable
+class RowListener(Protocol):
+    """Progress that also wants to hear of rows."""
+
+    def __call__(self, share: float) -> None:
+        """So much is done."""
+
+    def row(self, row: Mapping[str, object]) -> None:
+        """A row is known."""
+
+
+def report_rows_to(progress: Callable[[float], None], rows: Iterable[Mapping[str, object]], share: float) -> None:
+    """Tell whoever follows the progress of rows that were just made, and the share 0 to 1 that is done with them."""
+    if isinstance(progress, RowListener):
+        for row in rows:
+            progress.row(row)
+    progress(share)
+
+
+def within(progress: Callable[[float], None], first: float, last: float) -> Callable[[float], None]:
+    """Progress of a part, 0 to 1, as progress of the whole from `first` to `last`."""
+    return lambda share: progress(first + share * (last - first))

@@ -23,7 +23,7 @@ import tomli_w
 
 from core.errors import WRITE_REMEDY, ConfigError
 from core.files import replace_file
-from core.text.toml_text import parse_toml
+from core.text import parse_toml
 
 C = typing.TypeVar("C")
 Sections = tuple[tuple[str, object], ...]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from core.text.plain_text import plain
+from core.text import plain
 
 WRITE_REMEDY: Final = "free some space, or choose a folder that can be written"
 """What to do where a file cannot be written."""

@@ -21,7 +21,7 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
-from core.text.json_text import parse_json
+from core.text import parse_json
 
 try:
     import fcntl

@@ -18,9 +18,8 @@ from core.cameras import stereo_preset
 from core.events import Events, SensorSize
 from core.recordings import RecordingWriter
 from core.simulation import LaunchConfig, StereoConfig
-from core.simulation.event_cameras.event_camera import BLOCK_US
-from core.simulation.event_cameras.stereo import simulate_stereo
-from core.simulation.flights.flight_series import draw_serve_series
+from core.simulation.event_cameras.event_camera import BLOCK_US, simulate_stereo
+from core.simulation.flights import draw_serve_series
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.float32]

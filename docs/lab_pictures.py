@@ -28,7 +28,6 @@ from core.cameras import stereo_preset
 from core.cameras.calibration.table_corners import CORNERS
 from core.cameras.presets import SENSOR_720
 from core.devices.neuromorphic import open_camera
-from core.devices.replayed_hardware import Replayed, ReplayedLibrary
 from core.events import Events
 from core.live.camera_source import CameraSource
 from core.live.replay_source import ReplaySource
@@ -36,6 +35,7 @@ from core.recordings import CameraStream, open_recording
 from core.robot import RobotClient, RobotWatchConfig
 from docs.headless_app import show_app, still_picture, wait_for
 from docs.lab_events import write_noise, write_stripes
+from tests.core.devices.replayed_hardware import Replayed, ReplayedLibrary
 
 EXAMPLE: Final = Path("docs/examples/example_robot.py")
 STILL_WINDOW_US: Final = 20_000

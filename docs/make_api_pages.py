@@ -39,7 +39,8 @@ def pages() -> dict[Path, str]:
     rows = "\n".join(f"| [`{name}`]({name.replace('.', '-')}.md) | {said} |" for name, said in modules.items())
     index = (
         "# API reference\n\nAfter this page you can find every public class and function. "
-        "The pages are made from the docstrings by `make docs`.\n"
+        "The pages are made from the docstrings by `make docs`;\n"
+        "in the checkout they are empty: run it, or read the docstrings. "
         "[Python](../use/python-api.md) has examples.\n\n"
         f"| package | content |\n|---|---|\n{rows}\n"
     )

@@ -3,7 +3,8 @@
     python -m docs.make_images [--out docs/images] [--only tune]
 
 The rally is that of the film. `watch`, `tune`, `label`, `train` and `export` are written as PNG of 256 colours, and so
-are the pictures of the steps in a lab (`docs/lab_pictures.py`), into `your-lab/`.
+are `four`, a serve seen by four cameras, and the pictures of the steps in a lab (`docs/lab_pictures.py`), into
+`your-lab/`.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ from playwright.sync_api import Page
 from app.session import Session
 from app.shared.workspace import Workspace
 from app.state.commands import SetMethod
+from core.cameras.presets import camera_preset
 from core.errors import CommandError
+from core.simulation import LaunchConfig, SensorConfig, StereoConfig, simulate_recording
 from docs.headless_app import show_app, still_picture, wait_for, wait_for_chain
 from docs.lab_pictures import STEPS, LabRecordings, take_lab_pictures
 from docs.make_film import SEED, play_rally
@@ -30,23 +33,34 @@ SPEED_MPS: Final = 5.0
 COLOURS: Final = 256
 BEFORE_HIT_US: Final = 120_000
 """The ball has bounced then, and its flight to the racket is predicted."""
+FOUR: Final = "four"
+"""Name of the recording of four cameras and of its picture."""
+FOUR_US: Final = 360_000
+"""A moment at which all four see the ball, and its flight is predicted."""
 
 
 def main() -> None:
     """Take the pictures, and say how large they became."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=OUT)
-    parser.add_argument("--only", choices=[*TAKE, *STEPS])
+    parser.add_argument("--only", choices=[*TAKE, FOUR, *STEPS])
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         workspace = Workspace(Path(folder))
-        play_rally(workspace.recording_path("rally"), (SPEED_MPS,), SEED)
+        if arguments.only != FOUR:
+            play_rally(workspace.recording_path("rally"), (SPEED_MPS,), SEED)
         if arguments.only is None or arguments.only in TAKE:
             with show_app(workspace, "rally") as (page, session):
                 for name, take in TAKE.items():
                     if arguments.only in (None, name):
                         take(page, session)
                         save(still_picture(page), arguments.out / f"{name}.png")
+        if arguments.only in (None, FOUR):
+            cameras, config = camera_preset("corners"), StereoConfig(sensor=SensorConfig())
+            simulate_recording(workspace.recording_path(FOUR), config, cameras, [LaunchConfig()], seed=SEED)
+            with show_app(workspace, FOUR) as (page, session):
+                take_four(page, session)
+                save(still_picture(page), arguments.out / f"{FOUR}.png")
         if arguments.only is None or arguments.only in STEPS:
             recordings = LabRecordings(workspace, workspace.recording_path("rally"))
             for name, picture in take_lab_pictures(recordings, arguments.only):
@@ -89,6 +103,13 @@ def take_watch(page: Page, session: Session) -> None:
     """The scene before the hit."""
     wait_for_chain(session)
     seek(page, session, moment_us(session))
+    page.wait_for_timeout(2000)
+
+
+def take_four(page: Page, session: Session) -> None:
+    """A serve seen by four cameras: all their pictures, and all of them in the scene."""
+    wait_for_chain(session)
+    seek(page, session, FOUR_US)
     page.wait_for_timeout(2000)
 
 

@@ -1,9 +1,14 @@
-"""How well two layers of labels agree: two annotators, or one annotator's first look and a blind second one."""
+"""How well two layers of labels agree: two annotators, or one annotator's first look and a blind second one.
+
+Positions are compared by how they came about, too: two clicks that were snapped to the same events are the same circle,
+and two accepted proposals the same answer. Only positions set by hand in both layers tell how exact a person is.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +18,28 @@ from labels.model import PositionSource
 
 Array = NDArray[np.float64]
 RESAMPLES = 1000
+SAME_PX: Final = 1e-6
+"""Two positions nearer than this are one number that was taken twice."""
+_GROUPS: Final[Mapping[str, tuple[PositionSource, ...]]] = {
+    "by_hand": (PositionSource.BY_HAND, PositionSource.EPIPOLAR),
+    "snapped": (PositionSource.SNAPPED,),
+    "proposed": (PositionSource.ACCEPTED, PositionSource.CORRECTED, PositionSource.INTERPOLATED),
+    "other": (PositionSource.IMPORTED, PositionSource.SETTLED),
+}
+"""Groups of pairs, the most independent first: a pair belongs to the group of its less independent label."""
+
+
+@dataclass(frozen=True, slots=True)
+class PositionAgreement:
+    """Distances between the positions of pairs that came about in one way. Statistics of nothing are nan."""
+
+    pairs: int
+    same_position: int
+    """Pairs with one position to the last digit: made once and taken twice."""
+    median_px: float
+    p95_px: float
+    sigma_px: float
+    """As in `Agreement`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,11 +67,15 @@ class Agreement:
     """Standard deviation of one annotator's coordinate, if both are equally exact: robust, and by both coordinates."""
     confusion: tuple[tuple[int, ...], ...]
     """[first][second] counts of states, in the order of `labels.arrays.STATES`."""
+    by_source: Mapping[str, PositionAgreement]
+    """Of both seen, by how the less independent position of a pair came about: by_hand, snapped (at least one was moved
+    to the circle that fits the events), proposed (at least one was a detector's or interpolated), other (imported, or
+    settled)."""
 
-
-def made_independently(labels: LabelArrays) -> LabelArrays:
-    """Those of a layer that settle no conflict: whoever made one of these had the other's label in sight."""
-    return labels.rows(labels.source != SOURCES.index(PositionSource.SETTLED))
+    @property
+    def by_hand(self) -> PositionAgreement:
+        """Pairs of positions that were both set by hand: the only ones that tell how exact a person is."""
+        return self.by_source["by_hand"]
 
 
 def measure_agreement(first: LabelArrays, second: LabelArrays, *, seed: int = 0) -> Agreement:
@@ -73,7 +104,27 @@ def measure_agreement(first: LabelArrays, second: LabelArrays, *, seed: int = 0)
         bias_y_px=_of(np.mean, dy),
         sigma_px=_robust_sigma(np.concatenate([dx, dy])) / np.sqrt(2),
         confusion=tuple(tuple(row) for row in confusion.tolist()),
+        by_source=_by_source(a.rows(both), b.rows(both)),
     )
+
+
+def _by_source(a: LabelArrays, b: LabelArrays) -> dict[str, PositionAgreement]:
+    """Pairs in which both have seen the ball, row by row, grouped by their less independent position."""
+    rank_of = np.array([[source in group for group in _GROUPS.values()].index(True) for source in SOURCES])
+    rank = np.maximum(rank_of[a.source], rank_of[b.source])
+    dx, dy = b.x_px - a.x_px, b.y_px - a.y_px
+    found = {}
+    for number, name in enumerate(_GROUPS):
+        x, y = dx[rank == number], dy[rank == number]
+        distance = np.hypot(x, y)
+        found[name] = PositionAgreement(
+            pairs=len(distance),
+            same_position=int((distance < SAME_PX).sum()),
+            median_px=_of(np.median, distance),
+            p95_px=_of(lambda values: np.percentile(values, 95), distance),
+            sigma_px=_robust_sigma(np.concatenate([x, y])) / np.sqrt(2),
+        )
+    return found
 
 
 def _kappa(confusion: NDArray[np.int64]) -> float:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from core.errors import LabelError
-from core.text.json_text import parse_json
+from core.text import parse_json
 from labels.model import Label, LabelState, PositionSource, Provenance
 
 Json = Mapping[str, object]

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from core.detection import Detection, Detector
 from core.events import Window
 from core.metrics import WindowAnswers, score_answers
+from core.metrics.run import TimedDetector
 from core.metrics.streaming import after_delay
-from core.metrics.timed import TimedDetector
 from core.recordings import CameraStream, PixelTruth
 from labels.arrays import SOURCES, STATES, LabelArrays, label_arrays
 from labels.model import LabelState, PositionSource

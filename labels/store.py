@@ -19,10 +19,10 @@ from types import TracebackType
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from core.errors import LabelError
-from labels.arrays import LabelArrays, label_arrays
+from labels.arrays import SOURCES, LabelArrays, label_arrays
 from labels.database.by_time import LabelsByTime
 from labels.database.connection import DamagedStoreError, open_to_read, open_to_write, telling, transaction
 from labels.database.edit_log import (
@@ -39,10 +39,18 @@ from labels.database.edit_log import (
 from labels.database.folder import Layer
 from labels.database.migration import migrate
 from labels.database.reading import find_annotators, find_layers, has_labels, read_with_journal
-from labels.database.rows import changes_since, current_arrays, current_rows, label_of, value_at
+from labels.database.rows import (
+    changes_since,
+    current_arrays,
+    current_rows,
+    label_of,
+    times_by_others,
+    value_at,
+    value_before_settling,
+)
 from labels.database.salvage import salvage
 from labels.database.schema import recording_of
-from labels.model import Label, LabelState
+from labels.model import Label, LabelState, PositionSource
 
 __all__ = ["LabelProgress", "LabelStore", "Layer", "UndoStep", "find_annotators", "find_layers", "has_labels"]
 _FEW_CHANGES = 64
@@ -63,6 +71,19 @@ class LabelProgress:
     def unchecked(self) -> int:
         """Times that nobody looked at."""
         return self.total - self.checked
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class IndependentLabels:
+    """What an annotator said before seeing another's label, and where that cannot be known."""
+
+    labels: LabelArrays
+    """Where a label settles a conflict, the newest one before that; left out if there is none (a store that was merged
+    keeps no log). Labels taken over from another annotator have the source *imported*."""
+    settled_us: NDArray[np.int64]
+    """Times of the labels that settle a conflict, ascending."""
+    copied_us: NDArray[np.int64]
+    """Times of the labels that name another annotator than the layer's, ascending."""
 
 
 class LabelStore:
@@ -252,6 +273,20 @@ class LabelStore:
         with self._lock:
             self._refresh()
             return self._arrays
+
+    def independent(self) -> IndependentLabels:
+        """What this annotator said before seeing another's label, as far as the log of edits knows."""
+        with self._lock, telling(self.path, "cannot read the labels"):
+            self._refresh()
+            arrays, upto = self._arrays, self._seen
+            settled_us = arrays.t_us[arrays.source == SOURCES.index(PositionSource.SETTLED)]
+            for t_us in settled_us.tolist():
+                values = value_before_settling(self._reader, self._number, t_us, upto=upto)
+                arrays = arrays.changed(t_us, None if values is None else label_of(t_us, values))
+            copied_us = times_by_others(self._reader, self._number, self.layer.annotator, upto=upto)
+        source = arrays.source.copy()
+        source[np.isin(arrays.t_us, copied_us)] = SOURCES.index(PositionSource.IMPORTED)
+        return IndependentLabels(replace(arrays, source=source), settled_us, copied_us)
 
     def all(self) -> tuple[Label, ...]:
         """All labels with their provenance, by time."""

@@ -15,8 +15,7 @@ from core.metrics.grid_score import GridScore
 from core.metrics.score import MATCH_RADIUS_PX
 from core.recordings import Recording
 from core.tuning import SplitScore, TuningConfig
-from core.tuning.objective import Cancelled, TuningStoppedError
-from core.tuning.time_blocks import TimeBlocks, cut_blocks
+from core.tuning.objective import Cancelled, TimeBlocks, TuningStoppedError, cut_blocks
 from labels.arrays import STATES, LabelArrays
 from labels.model import LabelState
 from labels.score import answers_at

@@ -1,12 +1,16 @@
 """Fixtures that several parts use: the shared real data, and a short simulated recording with truth."""
 
+import functools
 import os
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from core.cameras import stereo_preset
+from core.cameras import Camera, stereo_preset
+from core.cameras.presets import camera_preset
+from core.events import SensorSize
 from core.learning.config import EnvironmentConfig
 from core.learning.task.environment import evaluation_balls
 from core.live.worlds.simulated_backend import SimulatedBackend
@@ -15,10 +19,12 @@ from core.outcomes.perceived_backend import PerceivedBackend
 from core.recordings import RecordingWriter
 from core.simulation import (
     LaunchConfig,
+    SensorConfig,
     StereoConfig,
     ball_truth,
     draw_serve_series,
     pixel_truth,
+    simulate_recording,
     simulate_stereo,
     truth_times,
 )
@@ -99,15 +105,29 @@ LONGEST = (
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what is slow or of a benchmark; begin with what takes longest (`--no-loadscope-reorder` leaves that so)."""
-    ranks = {}
     for item in items:
-        place = item.path.relative_to(HERE).as_posix() if item.path.is_relative_to(HERE) else ""
-        if is_in(place, SLOW):
+        kind = kind_of(item.path)
+        if kind.is_slow:
             item.add_marker(pytest.mark.slow)
-        if is_in(place, BENCHMARKS):
+        if kind.is_benchmark:
             item.add_marker(pytest.mark.benchmark)
-        ranks[item] = next((rank for rank, name in enumerate(LONGEST) if is_in(place, (name,))), len(LONGEST))
-    items.sort(key=ranks.__getitem__)
+    items.sort(key=lambda item: kind_of(item.path).rank)
+
+
+class FileKind(NamedTuple):
+    """What this file says of a file of tests; files with a smaller rank begin first."""
+
+    is_slow: bool
+    is_benchmark: bool
+    rank: int
+
+
+@functools.cache
+def kind_of(path: Path) -> FileKind:
+    """What the lists above say of a file."""
+    place = path.relative_to(HERE).as_posix() if path.is_relative_to(HERE) else ""
+    rank = next((rank for rank, name in enumerate(LONGEST) if is_in(place, (name,))), len(LONGEST))
+    return FileKind(is_in(place, SLOW), is_in(place, BENCHMARKS), rank)
 
 
 def is_in(place: str, names: tuple[str, ...]) -> bool:
@@ -147,6 +167,20 @@ def serve_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
         writer.write_ball(ball_truth(path, times_us))
         for name, camera in cameras.items():
             writer.write_truth(name, pixel_truth(camera, path, times_us))
+    return file
+
+
+@pytest.fixture(scope="session")
+def four_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """0.85 s of one serve, four calibrated 640x360 cameras at the corners, with truth. Do not write to it."""
+    file = tmp_path_factory.mktemp("recordings") / "four.h5"
+    half = np.diag([0.5, 0.5, 1.0])
+    cameras = {
+        name: Camera(SensorSize(640, 360), half @ camera.K, camera.distortion, camera.T_world_camera)
+        for name, camera in camera_preset("corners").items()
+    }
+    config = StereoConfig(sensor=SensorConfig(noise_hz=0.1))
+    simulate_recording(file, config, cameras, [LaunchConfig()], seed=4)
     return file
 
 

@@ -19,16 +19,15 @@ import numpy as np
 
 from app.cli.main import main as rallyscope
 from app.modes.watch.status import landing_legend_html, live_html, moment_html
-from app.pictures.canvas import Canvas, Region
-from app.pictures.event_picture import event_picture
+from app.pictures.canvas import Canvas, Region, event_picture
 from app.views.stage_picture import draw_stages
+from benchmarks.rally.closed_loop import ClosedLoop
 from core.cameras import load_calibration
 from core.chain.control.player import PlayerState
 from core.detection import DetectorConfig, FastDetector, ReferenceDetector, TrackState, trace_window
 from core.events import Window
 from core.history.following import Following
 from core.live.link import messages
-from core.live.worlds.closed_loop import ClosedLoop
 from core.live.worlds.world import Block, SimulatedWorld, WorldConfig
 from core.physics import strokes_from_actions
 from core.physics.config import Profile

@@ -13,9 +13,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from app.client_session.view_link import commands_of, link_of, values_of
-from app.state.client_state import ClientState, Configs
-from app.state.playback import Playhead
-from app.state.undo import History
+from app.state.client_state import ClientState, Configs, History, Playhead
 from core.config import config_from_mapping, config_to_mapping
 from core.detection import DetectorConfig
 from core.errors import ConfigError, LinkError, RecordingError
@@ -24,9 +22,7 @@ from core.learning.config import RunConfig
 from core.live.link.messages import COMMANDS, KINDS, decode, encode
 from core.recordings.sources.recognise import open_sources
 from core.recordings.sources.source import DecodeReport
-from core.text.json_text import parse_json
-from core.text.plain_text import plain
-from core.text.toml_text import parse_toml
+from core.text import parse_json, parse_toml, plain
 from labels.formats import FORMATS
 from labels.formats.exchange import ExportOptions, ImportContext, LabelSet
 from labels.model import Label, LabelState

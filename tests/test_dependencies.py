@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import ast
+import functools
 import re
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib.metadata import packages_distributions
 from pathlib import Path
 from typing import Final
@@ -16,7 +17,6 @@ import pytest
 ROOT: Final = Path(__file__).parents[1]
 OURS: Final = ("app", "benchmarks", "core", "labels")
 PROJECT: Final = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-DISTRIBUTIONS: Final = packages_distributions()
 EXTRAS_OF: Final = {
     "benchmarks/app/": ("bench", "dev"),
     "app/export/onnx_actor.py": ("onnx",),
@@ -58,9 +58,15 @@ def imported(path: Path) -> set[str]:
     return {module.partition(".")[0] for module in modules}
 
 
+@functools.cache
+def distributions() -> Mapping[str, list[str]]:
+    """Distributions of each module that is installed: seconds of reading, so not at import."""
+    return packages_distributions()
+
+
 def distributions_of(module: str) -> set[str]:
     """Who may bring a module; without an installed one, the one of its name."""
-    return {normal(name) for name in DISTRIBUTIONS.get(module, [module])}
+    return {normal(name) for name in distributions().get(module, [module])}
 
 
 def foreign_imports() -> Iterator[tuple[str, str]]:

@@ -24,7 +24,7 @@ from core.learning.agents.policy import read_policy
 from core.learning.config import RunConfig
 from core.physics.ball_states import read_ball_states
 from core.recordings import open_recording
-from core.text.json_text import parse_json
+from core.text import parse_json
 from labels.formats.xml_nodes import XmlError, parse_xml
 from labels.records import unpack_line
 from tests.sources import ROOT, SOURCES, name_of, tree_of
@@ -40,8 +40,8 @@ FORBIDDEN = {
 ALLOWED = {
     ("core/jit.py", "pickle.loads"),  # our own compiled kernels, in the cache of this user; see docs/how/security.md
     ("core/registry.py", "importlib.util.spec_from_file_location"),  # plugins, which whoever starts us names
-    ("core/text/json_text.py", "json.loads"),
-    ("core/text/toml_text.py", "tomllib.loads"),
+    ("core/text.py", "json.loads"),
+    ("core/text.py", "tomllib.loads"),
     ("labels/formats/json_lines.py", "json.loads"),
 }
 TOO_DEEP = 100_000

@@ -1,10 +1,18 @@
-"""Long work for one browser: runs beside the loop, reports progress, can be cancelled."""
+"""Work off the loop: long work for one browser, with progress, which can be cancelled; work where only the newest
+request matters; and work that several browsers ask for at about the same time, done once.
+"""
 
 from __future__ import annotations
 
+import logging
 import threading
-from collections.abc import Callable
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from concurrent.futures import Executor, Future
 from typing import Generic, TypeVar
+
+logger = logging.getLogger(__name__)
+
 
 Result = TypeVar("Result")
 Progress = Callable[[float], None]
@@ -113,3 +121,101 @@ class LoopJob(Generic[Result]):
             self._job = None
             self._ended()
             then()
+
+
+Request = TypeVar("Request")
+Answer = TypeVar("Answer")
+
+
+class LatestWins(Generic[Request, Answer]):
+    """Runs `compute(request)` in a shared pool, one at a time; a newer request replaces one that still waits.
+
+    Answers and failures are handed to the callbacks in the order of their requests, in a pool thread.
+    """
+
+    def __init__(
+        self,
+        pool: Executor,
+        compute: Callable[[Request], Answer],
+        done: Callable[[Request, Answer], None],
+        failed: Callable[[Exception], None],
+    ) -> None:
+        self._pool = pool
+        self._compute = compute
+        self._done = done
+        self._failed = failed
+        self._lock = threading.Lock()
+        self._waiting: list[Request] = []  # empty or one
+        self._running = False
+        self._closed = False
+
+    def submit(self, request: Request) -> None:
+        """Compute this request next; it replaces a waiting one."""
+        with self._lock:
+            if self._closed:
+                return
+            self._waiting = [request]
+            if self._running:
+                return
+            self._running = True
+        self._pool.submit(self._run)
+
+    def close(self) -> None:
+        """Drop the waiting request and the answer of the running one."""
+        with self._lock:
+            self._closed = True
+            self._waiting = []
+
+    @property
+    def busy(self) -> bool:
+        """Whether a request runs or waits."""
+        return self._running
+
+    def _run(self) -> None:
+        while True:
+            with self._lock:
+                if not self._waiting:
+                    self._running = False
+                    return
+                request = self._waiting.pop()
+            try:
+                answer = self._compute(request)
+                if not self._closed:
+                    self._done(request, answer)
+            except Exception as error:  # noqa: BLE001 (whoever asked hears of any)
+                if not self._closed:
+                    self._failed(error)
+
+
+class SharedWork(Generic[Request, Answer]):
+    """`compute(request)`, not done again for one of the latest keys. From any thread.
+
+    Who asks for what is being computed waits for it. A failure is everybody's who waited, and is not kept.
+    """
+
+    def __init__(
+        self, compute: Callable[[Request], Answer], key: Callable[[Request], Hashable], *, kept: int = 8
+    ) -> None:
+        self._compute, self._key, self._kept = compute, key, kept
+        self._lock = threading.Lock()
+        self._answers: OrderedDict[Hashable, Future[Answer]] = OrderedDict()
+
+    def __call__(self, request: Request) -> Answer:
+        """The answer, which must not be changed."""
+        key, mine = self._key(request), Future[Answer]()
+        with self._lock:
+            known = self._answers.setdefault(key, mine)
+            while len(self._answers) > self._kept:
+                self._answers.popitem(last=False)
+        if known is mine:
+            self._work_out(request, key, mine)
+        return known.result()
+
+    def _work_out(self, request: Request, key: Hashable, mine: Future[Answer]) -> None:
+        try:
+            mine.set_result(self._compute(request))
+        except Exception as error:  # noqa: BLE001 (all who wait hear of any)
+            with self._lock:
+                if self._answers.get(key) is mine:
+                    del self._answers[key]
+            mine.set_exception(error)

@@ -14,8 +14,14 @@ from app.cli.progress import progress_bar
 from app.cli.tables import format_table
 from app.cli.terminal import say
 from core.errors import CommandError
-from core.live.worlds.returns_report import PlayedFile, losses, report_rows, write_ball_states_report
-from core.live.worlds.simulated_returns import SimulatedReturnsConfig, play_recorded_states
+from core.live.worlds.simulated_returns import (
+    PlayedFile,
+    SimulatedReturnsConfig,
+    losses,
+    play_recorded_states,
+    report_rows,
+    write_ball_states_report,
+)
 from core.physics.ball_states import read_ball_states
 from core.physics.config import Profile
 from core.physics.task import task_profile

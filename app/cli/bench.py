@@ -25,7 +25,6 @@ BENCHES = {
     "detection": "detection.bench_detection",
     "drawn-scenes": "detection.bench_drawn_scenes",
     "simulation": "simulation.bench_simulation",
-    "calibration": "calibration.bench_calibration",
     "cameras": "perception.bench_cameras",
     "rig": "calibration.bench_rig",
     "prediction": "prediction.bench_prediction",
@@ -34,7 +33,7 @@ BENCHES = {
     "robustness": "robustness.bench_robustness",
     "paper-perception": "perception.bench_paper_perception",
     "learning": "learning.bench_learning",
-    "labels": "benchmarks.labels.bench_labels",
+    "labels": "labels.bench_labels",
     "export": "app.bench_export",
     "app": "app.bench_app",
 }
@@ -47,7 +46,7 @@ CHECKOUT: Final = Path(__file__).parents[2]
 
 OPTIONS = (
     "count", "folder", "report", "chain", "balls", "speeds", "physics", "only", "recorded", "data", "annotator", "soak",
-    "rig",
+    "rig", "cameras",
 )  # fmt: skip
 """That only some of them have."""
 
@@ -59,7 +58,7 @@ class BenchArguments:
     name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
     count: PositiveInt | None = flag(
         "balls of points alone (outcomes), flights (drawn-scenes), seeds (paper-perception, rig), "
-        "seeds of both sides of every claim (learning), serves of each scene and speed (cameras)",
+        "seeds of everything that is compared (learning), serves of each scene and speed (cameras)",
         "N",
     )
     folder: Path | None = flag(
@@ -76,7 +75,7 @@ class BenchArguments:
     physics: Literal["paper", "real"] | None = flag("of the balls (rally, outcomes)", "paper|real", "paper; both")
     soak: PositiveFloat | None = flag("under load for so long (app)", "MINUTES")
     only: str | None = flag(
-        "return, page or pace (app); a row (robustness); real-balls (learning); "
+        "return, page, pace or cameras (app); a row (robustness); real-balls (learning); "
         "a method (paper-perception with --recorded)",
         "NAME",
         "all",
@@ -88,6 +87,7 @@ class BenchArguments:
     )
     data: Path | None = flag("workspace with the labels (paper-perception with --recorded)", "DIR", str(DATA))
     annotator: str | None = flag("whose labels (paper-perception with --recorded)", "NAME", "everybody's, apart")
+    cameras: PositiveInt | None = flag("so many cameras in Watch and Label (app)", "N", "4 with --only cameras")
     rig: Path | None = flag("calibration file of three cameras or more (cameras)", "FILE", "four at the corners")
     engine: BackendArguments
     json: bool = flag("print the figures as JSON")

@@ -18,12 +18,11 @@ from app.cli.tabulate import RecordingTable, Summary, tabulate
 from app.cli.terminal import say
 from core.detection import DetectorConfig, RefinedDetection, make_detector
 from core.detection.methods import FRAME_METHODS, Method
-from core.detection.refined.sensor_delay import estimate_delay
+from core.detection.refined.detector import estimate_delay
 from core.errors import CommandError
 from core.jobs import TaskControl
 from core.metrics import WindowAnswers, run_detector, score_answers
-from core.metrics.run import run_on_frames
-from core.metrics.timed import TimedDetector, one_opencv_thread
+from core.metrics.run import TimedDetector, one_opencv_thread, run_on_frames
 from core.recordings import CameraStream, PixelTruth, Recording, open_recording
 from core.recordings.frames import FrameStream
 from core.recordings.reader import FileRecording

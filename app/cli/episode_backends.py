@@ -8,7 +8,7 @@ from pathlib import Path
 
 from core.errors import CommandError
 from core.learning.config import RunConfig
-from core.learning.task.episode_backend import EpisodeBackend
+from core.learning.task.environment import EpisodeBackend
 
 
 @contextlib.contextmanager
@@ -25,8 +25,8 @@ def open_backend(config: RunConfig, source: str | None, keys: Path | None = None
         backend = _perceived_backend(config, source, keys)
     elif source is not None:
         # late: the chain and its compiled loops are for those who ask
-        from core.live.link.episode_backend import LinkBackend
-        from core.live.link.keys import read_client_keys
+        from core.live.link.guard import read_client_keys
+        from core.live.link.linked_backend import LinkBackend
 
         backend = LinkBackend(config.environment, source, None if keys is None else read_client_keys(keys))
     elif config.environment.state_source == "events":
@@ -45,7 +45,7 @@ def _perceived_backend(config: RunConfig, source: str | None, keys: Path | None)
     from core.outcomes.perceived_backend import PerceivedBackend  # late: the chain and its compiled loops
 
     if source is not None:
-        from core.live.link.keys import read_client_keys
+        from core.live.link.guard import read_client_keys
         from core.live.link.linked_backend import LinkedBackend
 
         world_backend = LinkedBackend(source, None if keys is None else read_client_keys(keys))

@@ -18,6 +18,7 @@ from core.errors import CommandError
 if TYPE_CHECKING:
     from core.devices.neuromorphic import DriverCamera
     from core.live.camera_source import CameraSource
+    from core.physics.config import PhysicsConfig
 
 CAMERA: Final = "camera:"
 FORM: Final = "camera:SERIAL or camera:SERIAL,SERIAL,..., for example camera:00050421,00050423"
@@ -80,7 +81,7 @@ def read_camera_order(source: str | None, arguments: CameraArguments) -> CameraO
     for name in calibration:
         check_camera_name(name)
     names = list(calibration) or list(_names(serials))
-    from core.devices.bias_file import read_biases
+    from core.devices.models import read_biases
 
     biases = {} if arguments.biases is None else read_biases(arguments.biases)
     return CameraOrder(dict(zip(names, serials, strict=True)), calibration, biases, arguments.sync_cable)
@@ -120,15 +121,15 @@ def open_cameras(order: CameraOrder, *, raw: bool = False) -> dict[str, DriverCa
     return {name: found[name] for name in names}
 
 
-def open_camera_source(order: CameraOrder) -> CameraSource:
-    """The live source, which owns the cameras.
+def open_camera_source(order: CameraOrder, *, physics: PhysicsConfig | None = None) -> CameraSource:
+    """The live source, which owns the cameras. `physics`: of the rally, if known.
 
     Raises:
         DeviceError: as `open_cameras`.
     """
     from core.live.camera_source import CameraSource
 
-    return CameraSource(open_cameras(order), calibration=order.calibration, cable=order.cable)
+    return CameraSource(open_cameras(order), calibration=order.calibration, cable=order.cable, physics=physics)
 
 
 def _listed() -> str:

@@ -47,8 +47,7 @@ def run(arguments: FitPhysicsArguments) -> None:
             "not enough flights", expected="4 or more: some are kept for the test", got=len(arguments.flights)
         )
     from core.metrics.flight_predictions import compare_models, compare_predictors
-    from core.physics.fit_flights import bootstrap, fit_physics
-    from core.physics.flight_files import read_flight_file
+    from core.physics.fit_flights import bootstrap, fit_physics, read_flight_file
 
     read = [read_flight_file(path) for path in arguments.flights]
     flights = [flight for flight, _ in read]

@@ -13,12 +13,12 @@ from typing import Annotated, ClassVar, Final, Literal, TypedDict
 from app.cli.arguments import Counts, Names, PositiveInt, flag, positional, separated
 from app.cli.progress import progress_bar
 from app.cli.terminal import print_lines, say
-from app.formatting.import_facts import check_lines
+from app.formatting import check_lines
 from core.cameras import Camera
 from core.cameras.calibration_file import read_calibration_file
 from core.cameras.distortion import COEFFICIENTS, LensModel
 from core.cameras.units import METRES, Unit
-from core.errors import CommandError, EventsError
+from core.errors import CommandError, EventsError, RecordingError
 from core.events import SensorSize
 from core.events.clock_table import ClockTable, read_clock_table
 from core.recordings.frame_import import FrameInput
@@ -26,18 +26,14 @@ from core.recordings.import_facts import ImportFacts
 from core.recordings.importing import ImportSummary, check_import, import_recording
 from core.recordings.opening import is_recording
 from core.recordings.sources.readers import event_files
-from core.recordings.sources.source import Stated
+from core.recordings.sources.source import Stated, parse_polarity
 
 
 def _polarities(text: str) -> dict[str, bool]:
-    """Value -> whether it is ON, from words such as 1=on,2=off."""
-    found: dict[str, bool] = {}
-    for word in text.split(","):
-        value, equals, meaning = word.rpartition("=")
-        if not equals or not value.strip() or meaning.strip().lower() not in ("on", "off"):
-            raise argparse.ArgumentTypeError(f"expected such as 1=on,2=off, got {text!r}")
-        found[value.strip()] = meaning.strip().lower() == "on"
-    return found
+    try:
+        return parse_polarity(text)
+    except RecordingError as error:
+        raise argparse.ArgumentTypeError(error.details) from error
 
 
 _RECORDINGS: Final = (".h5", ".hdf5")
@@ -47,9 +43,9 @@ Polarities = Annotated[dict[str, bool], _polarities]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportArguments:
-    """Convert event files, one or more for each camera of a rig, or a folder of them, to a recording. Reads Prophesee
-    RAW (EVT2, EVT2.1, EVT3) and DAT, AEDAT4, Event Stream, Metavision HDF5, DSEC, MVSEC and other HDF5 layouts, npz,
-    npy and CSV; the format is recognised by content.
+    """Convert event files, one or more for each camera of a rig, or a folder of them, to a recording. Reads
+    Prophesee RAW (EVT2, EVT2.1, EVT3, EVT4) and DAT, AEDAT, Event Stream, Metavision HDF5, DSEC, MVSEC and other
+    HDF5 layouts, npz, npy and CSV; the format is recognised by content.
     """
 
     USAGE: ClassVar = (

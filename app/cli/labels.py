@@ -9,6 +9,8 @@ from math import isnan
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from app.cli.arguments import PositiveInt, flag, positional
 from app.cli.labels_layer import Labelled, LayerArguments, read_layer
 from app.cli.labels_merge import run_merge
@@ -18,7 +20,7 @@ from app.cli.progress import progress_bar
 from app.modes.label.label_files import LabelFilesRequest, write_label_files
 from app.modes.label.sources import LabelSource
 from core.errors import CommandError, LabelError
-from labels.agreement import Agreement, made_independently, measure_agreement
+from labels.agreement import Agreement, PositionAgreement, measure_agreement
 from labels.formats import FORMATS, ExportOptions
 from labels.formats.import_check import ImportChoices, import_context, import_labels
 from labels.formats.import_report import ImportReport, describe_label, report_of
@@ -27,6 +29,8 @@ from labels.store import LabelStore, Layer, find_layers
 
 MAX_REASONS = 4
 """Number of reasons in the line that says why nothing was imported."""
+MAX_TIMES = 5
+"""Times of settled conflicts that a line names."""
 FORMAT_HELP = "; ".join(f"{name}: {item.summary}" for name, item in FORMATS.items())
 
 
@@ -187,23 +191,33 @@ def run_export(arguments: LabelExportArguments) -> None:
 
 
 def run_agree(arguments: LabelAgreeArguments) -> None:
-    """Compare the labels of the same instants."""
+    """Compare what both said of the same instants before they settled conflicts."""
     with arguments.layer.open() as (recording, stream):
         first = read_layer(arguments.layer, recording, stream)
     mine = first.layer.annotator
     name, blind = arguments.other or mine, arguments.other is None
     layer = Layer(first.layer.recording_uuid, first.layer.camera, name, blind)
-    stores = first, LabelStore.read(arguments.layer.folder, layer)
-    pair = [made_independently(store.labels()) for store in stores]
-    left_out = sum(len(store.labels()) for store in stores) - sum(map(len, pair))
-    found = measure_agreement(*pair)
+    mine_first, theirs_first = first.independent(), LabelStore.read(arguments.layer.folder, layer).independent()
+    found = measure_agreement(mine_first.labels, theirs_first.labels)
+    settled_us = np.union1d(mine_first.settled_us, theirs_first.settled_us)
+    copied = len(mine_first.copied_us) + len(theirs_first.copied_us)
+    lost = sum(int((~np.isin(one.settled_us, one.labels.t_us)).sum()) for one in (mine_first, theirs_first))
     counts = (
         f"{mine!r} and {'blind repeats' if blind else repr(name)}: {found.common} common, "
         f"{found.only_first} and {found.only_second} of one only"
     )
-    seen = [f"{left_out} labels left out: they settle conflicts"] if left_out else []
-    as_json = {"first": mine, "second": name, "blind": blind, "left_out": left_out, **asdict(found)}
-    arguments.layer.tell(as_json, [counts, *seen, *_agreement_lines(found)])
+    notes = []
+    if len(settled_us):
+        times = ", ".join(f"{t_us:,}" for t_us in settled_us[:MAX_TIMES].tolist())
+        more = ", ..." if len(settled_us) > MAX_TIMES else ""
+        notes.append(f"conflicts settled at {len(settled_us)} times: compared as they were before ({times}{more} us)")
+    if lost:
+        notes.append(f"{lost} labels left out: they settle conflicts, and this store holds nothing from before")
+    if copied:
+        notes.append(f"{copied} labels name another annotator: taken over, so no agreement of two people")
+    as_json = {"first": mine, "second": name, "blind": blind, "left_out": lost, "copied": copied}
+    as_json |= {"settled_us": settled_us.tolist(), **asdict(found)}
+    arguments.layer.tell(as_json, [counts, *notes, *_agreement_lines(found)])
 
 
 def _agreement_lines(found: Agreement) -> list[str]:
@@ -219,7 +233,19 @@ def _agreement_lines(found: Agreement) -> list[str]:
         states,
         f"positions ({found.both_seen}): median {found.median_px:.2f} px {interval}p95 {found.p95_px:.2f}, "
         f"sigma of one {found.sigma_px:.2f} px, bias {found.bias_x_px:+.2f} {found.bias_y_px:+.2f}",
+        *(_source_line(name, group) for name, group in found.by_source.items() if group.pairs or name == "by_hand"),
     ]
+
+
+def _source_line(name: str, group: PositionAgreement) -> str:
+    """One group of pairs, and what its figures do not tell."""
+    title = f"  {name.replace('_', ' ')} ({group.pairs})"
+    if not group.pairs:
+        return f"{title}: no pair; how well two people agree cannot be told from these labels"
+    same = f"; {group.same_position} are one position taken twice" if group.same_position else ""
+    return (
+        f"{title}: median {group.median_px:.2f} px, p95 {group.p95_px:.2f}, sigma of one {group.sigma_px:.2f} px{same}"
+    )
 
 
 ACTS = {

@@ -20,7 +20,7 @@ from core.detection.methods import Method
 from core.errors import CommandError
 from core.jobs import TaskControl, open_jobs
 from core.metrics import WindowAnswers
-from core.metrics.timed import TimedDetector, one_opencv_thread
+from core.metrics.run import TimedDetector, one_opencv_thread
 from core.recordings import open_recording
 from labels.agreement import Agreement, measure_agreement
 from labels.arrays import STATES, LabelArrays
@@ -180,7 +180,7 @@ def _report(
         "method": work.method,
         "window_us": work.window_us,
         "rows": [asdict(score) for score in scores],
-        "annotator_noise": None if piece.noise is None else asdict(piece.noise),
+        "annotator_noise": None if piece.noise is None else _noise_json(piece.noise),
         **in_time,
     }
 
@@ -190,7 +190,7 @@ def _title(work: AnswerLabels, pieces: Sequence[LabelledRecording]) -> tuple[str
     count, first = sum(piece.count for piece in pieces), pieces[0]
     if len(pieces) > 1:
         return f"{work.method}, against {count} labels of {len(pieces)} recordings", None
-    noise_px = None if first.noise is None or not first.noise.both_seen else first.noise.sigma_px
+    noise_px = None if first.noise is None or not first.noise.by_hand.pairs else first.noise.by_hand.sigma_px
     return f"{work.method}, {first.camera}, against {count} labels by {first.annotator}", noise_px
 
 
@@ -209,7 +209,12 @@ def _own_noise(folder: Path, store: LabelStore) -> Agreement | None:
     layer = Layer(store.layer.recording_uuid, store.layer.camera, store.layer.annotator, blind=True)
     if not has_labels(folder, layer):
         return None
-    return measure_agreement(store.labels(), LabelStore.read(folder, layer).labels())
+    return measure_agreement(*(one.independent().labels for one in (store, LabelStore.read(folder, layer))))
+
+
+def _noise_json(noise: Agreement) -> dict[str, object]:
+    """Agreement over all pairs; `labels agree` has it by how each pair came about."""
+    return {key: value for key, value in asdict(noise).items() if key != "by_source"}
 
 
 def _score_table(scores: tuple[GroupScore, ...]) -> list[str]:
@@ -224,4 +229,7 @@ def _score_table(scores: tuple[GroupScore, ...]) -> list[str]:
 def _noise_line(noise: Agreement | None) -> str:
     if noise is None or not noise.both_seen:
         return "the annotator's own noise is not known: no blind repeats yet"
-    return f"the annotator's own noise: median {noise.median_px:.2f} px, p95 {noise.p95_px:.2f} px between two looks"
+    hand = noise.by_hand
+    if not hand.pairs:
+        return f"the annotator's own noise is not known: none of {noise.both_seen} blind repeats was by hand both times"
+    return f"the annotator's own noise: median {hand.median_px:.2f} px, p95 {hand.p95_px:.2f} px between two looks"

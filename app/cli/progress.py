@@ -12,8 +12,8 @@ from typing import Final
 from tqdm import tqdm
 
 from app.cli.terminal import say
-from app.formatting.text import percent
-from core.text.plain_text import plain
+from app.formatting import percent
+from core.text import plain
 
 QUIET_S: Final = 5.0
 """What is done sooner says nothing where no bar can be drawn."""

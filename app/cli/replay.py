@@ -12,6 +12,7 @@ from core.errors import CommandError
 
 if TYPE_CHECKING:
     from core.live.replay_source import ReplaySource
+    from core.physics.config import PhysicsConfig
 
 REPLAY: Final = "replay:"
 FORM: Final = "replay:FILE[@SPEED], for example replay:pair.h5@0.5"
@@ -47,10 +48,10 @@ def read_replay(source: str) -> ReplayOrder | None:
     return ReplayOrder(Path(file), factor)
 
 
-def open_replay(order: ReplayOrder, *, loop: bool = True) -> ReplaySource:
+def open_replay(order: ReplayOrder, *, loop: bool = True, physics: PhysicsConfig | None = None) -> ReplaySource:
     """The source, which stands still until somebody listens. A file of another format is decoded first.
 
-    With `loop` it goes round for ever.
+    With `loop` it goes round for ever. `physics`: of the rally, if known.
 
     Raises:
         ConfigError: if the speed is out of bounds.
@@ -64,7 +65,7 @@ def open_replay(order: ReplayOrder, *, loop: bool = True) -> ReplaySource:
         recording = open_recording(order.path, progress=progress)
         progress(1.0)
     try:
-        return ReplaySource(recording, order.path.name, speed=order.speed, loop=loop)
+        return ReplaySource(recording, order.path.name, speed=order.speed, loop=loop, physics=physics)
     except BaseException:
         recording.close()
         raise

@@ -23,13 +23,11 @@ from app.shared.job_backends import JobBackends
 from app.shared.library import Library
 from app.shared.workspace import Workspace
 from app.web import Admission, Gateway, open_gateway
-from app.web.address import check_address
+from app.web.access_policy import check_address
 from core.detection.saved import load_detector
 from core.errors import CommandError
-from core.live.link.address import split_address
-from core.live.link.guard import check_reach
-from core.live.link.keys import ClientKeys, read_client_keys
-from core.physics.config import Profile
+from core.live.link.guard import ClientKeys, check_reach, read_client_keys, split_address
+from core.physics.config import PhysicsConfig, Profile, physics_profile
 from core.registry import discover_plugins
 
 if TYPE_CHECKING:
@@ -56,7 +54,10 @@ class ServeArguments:
     keys: Path | None = flag("for a source beyond this machine: a client's keys", "DIR")
     robot: str | None = flag("a robot of your own that plays what cameras or a replay see", "tcp://HOST:PORT")
     robot_keys: Path | None = flag("for a robot beyond this machine: a client's keys", "DIR")
-    physics: Profile | None = flag("of a live simulation of its own", default="paper")
+    physics: Profile | None = flag(
+        "of a live simulation of its own; with --robot, the rubber that the built-in controller assumes",
+        default="paper",
+    )
     ball_states: tuple[Path, ...] | None = flag("it serves recorded balls (JSON), by default in `real`", "FILE")
     host: str = flag("address to listen on; the default is this machine only", default="127.0.0.1")
     port: int = flag("port to listen on", default=8080)
@@ -91,7 +92,8 @@ def run(arguments: ServeArguments) -> None:
 
         def start() -> Startup:
             robot = None if arguments.robot is None else (arguments.robot, robot_keys)
-            startup = _start(workspace, source or LIVE, order or replay, own, keys, robot)
+            physics = rally_physics(arguments, source)
+            startup = _start(workspace, source or LIVE, order or replay, own, keys, robot, physics)
             started.callback(startup.stop)
             return startup
 
@@ -158,15 +160,19 @@ def _start(
     own: list[str],
     keys: ClientKeys | None,
     robot: tuple[str, ClientKeys | None] | None,
+    physics: PhysicsConfig | None,
 ) -> Startup:
-    """What brings up the live rally while the app is loaded; `robot`: its address and the keys for it."""
+    """What brings up the live rally while the app is loaded; `robot`: its address and the keys for it; `physics`: what
+    cameras or a replay are given.
+    """
     from app.startup.startup import Startup  # takes a while: a mistake in the arguments is answered before
     from core.robot import RobotClient
 
     if source_order is not None:
-        opened = (
-            open_camera_source(source_order) if isinstance(source_order, CameraOrder) else open_replay(source_order)
-        )
+        if isinstance(source_order, CameraOrder):
+            opened = open_camera_source(source_order, physics=physics)
+        else:
+            opened = open_replay(source_order, physics=physics)
         player = None if robot is None else RobotClient(robot[0], keys=robot[1])
         return Startup(workspace, source=opened, say=say, robot=player)
     player = None if robot is None else RobotClient(robot[0], keys=robot[1])
@@ -255,6 +261,13 @@ def _check_folders(folders: tuple[Path, ...]) -> tuple[Path, ...]:
     return tuple(dict.fromkeys(folder.resolve() for folder in folders))
 
 
+def rally_physics(arguments: ServeArguments, source: str | None) -> PhysicsConfig | None:
+    """Physics given for what cameras or a replay show to a robot; None if it is not given, or for another source."""
+    if arguments.physics is None or arguments.robot is None or not (source or "").startswith((REPLAY, CAMERA)):
+        return None
+    return physics_profile(arguments.physics)
+
+
 def own_simulation(arguments: ServeArguments, source: str | None) -> list[str]:
     """What the simulation that is started for the app is told; files are read here, where a mistake can be answered.
 
@@ -262,7 +275,8 @@ def own_simulation(arguments: ServeArguments, source: str | None) -> list[str]:
         CommandError: if something is asked of it, but there is none.
         RecordingError: if a file holds no ball states.
     """
-    extra: list[str] = [] if arguments.physics is None else ["--physics", arguments.physics]
+    physics = None if rally_physics(arguments, source) is not None else arguments.physics
+    extra: list[str] = [] if physics is None else ["--physics", physics]
     if arguments.ball_states is not None:
         from core.physics.ball_states import read_ball_states
 
@@ -270,7 +284,8 @@ def own_simulation(arguments: ServeArguments, source: str | None) -> list[str]:
             read_ball_states(path)
         extra += ["--ball-states", *map(str, arguments.ball_states)]
     if extra and source != LIVE:
-        raise CommandError("not a simulation of its own", expected="--source live", got=source or arguments.recording)
+        expected = "--source live, or --robot for --physics with cameras or a replay"
+        raise CommandError("not a simulation of its own", expected=expected, got=source or arguments.recording)
     return extra
 
 

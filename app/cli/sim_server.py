@@ -15,17 +15,14 @@ from app.cli.terminal import say
 from core.cameras.presets import SENSOR_720
 from core.errors import CommandError
 from core.files import end_with_parent
-from core.live.link.address import split_address
-from core.live.link.guard import check_reach
-from core.live.link.keys import make_keys, read_server_keys
-from core.live.link.responder import KernelProgress
-from core.live.link.server import ServerConfig, SimulationServer
+from core.live.link.guard import check_reach, make_keys, read_server_keys, split_address
+from core.live.link.server import KernelProgress, ServerConfig, SimulationServer
 from core.live.worlds.world import WorldConfig
 from core.physics.ball_states import join_serves, read_ball_states
 from core.physics.config import Profile
 from core.physics.task import task_profile
 from core.simulation import SensorConfig, StereoConfig
-from core.simulation.episodes.recorded_serves import RecordedServes
+from core.simulation.episodes.incoming import RecordedServes
 
 QUIET_S = 2.0
 SAY_EVERY = 5

@@ -17,7 +17,7 @@ from core.data_sets.plan import PAPER_SPEEDS_MPS
 from core.errors import CommandError
 from core.physics.config import Profile
 from core.simulation import LaunchConfig, SensorConfig
-from core.simulation.frames.frames import FrameConfig
+from core.simulation.frames import FrameConfig
 
 SERVES = 3
 """Serves of a recording, by default."""

@@ -11,7 +11,8 @@ from app.cli.backend_arguments import SharedBackendArguments
 from app.cli.progress import progress_bar
 from app.cli.simulate_arguments import SERVES, DataSetArguments, SimulateArguments
 from app.cli.terminal import say
-from core.cameras.presets import PLACEMENTS, SENSOR_720
+from core.cameras.presets import PRESETS as CAMERA_PRESETS
+from core.cameras.presets import SENSOR_720
 from core.data_sets import CARD, PRESETS, DataSetPlan, DataSetRun, plan_data_set, preset_plan, run_data_set
 from core.data_sets.plan import PAPER_SPEEDS_MPS, Making
 from core.errors import CommandError
@@ -58,8 +59,8 @@ def _plan(arguments: SimulateArguments) -> DataSetPlan:
             making = dataclasses.replace(making, frames=own)
         return preset_plan(asked.preset, arguments.seed, making)
     placements = [name.strip() for name in (arguments.cameras or "side").split(",")]
-    if unknown := [name for name in placements if name not in PLACEMENTS]:
-        expected = f"placements: {', '.join(PLACEMENTS)}"
+    if unknown := [name for name in placements if name not in CAMERA_PRESETS]:
+        expected = f"placements: {', '.join(CAMERA_PRESETS)}"
         raise CommandError("no such cameras for a data set", expected=expected, got=repr(unknown[0]), where="--cameras")
     return plan_data_set(
         speeds_mps=asked.speeds or PAPER_SPEEDS_MPS,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from core.text.plain_text import plain
+from core.text import plain
 
 
 def format_table(rows: list[dict[str, object]]) -> str:

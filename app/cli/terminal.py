@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterable
 from typing import Final
 
-from core.text.plain_text import plain
+from core.text import plain
 
 LONGEST_LINE: Final = 2000
 

@@ -17,6 +17,7 @@ from app.cli.files import csv_text
 from app.cli.tabulate import RecordingTable, Summary, tabulate
 from app.cli.terminal import say
 from core.chain import ChainConfig
+from core.chain.calibration_drift import DriftReport
 from core.chain.follow import Track, follow_recording, true_positions
 from core.detection import DetectorConfig
 from core.detection.methods import Method
@@ -70,8 +71,17 @@ class TrackRecording:
             "residual_px": _statistics(track.residuals_px),
             "error_mm": _errors_mm(track, truth),
             "step_ms": _statistics(1e3 * track.step_s),
+            "calibration": _calibration(track.drift),
         }
         return RecordingTable(_text(track), summary)
+
+
+def _calibration(report: DriftReport) -> dict[str, object] | None:
+    """Drift of the calibration at the worst pair of cameras; None with too few points to know."""
+    if report.drift is None or report.pair is None:
+        return None
+    drift = {"worst_pair": list(report.pair), "drift_px": round(report.drift.drift_px, 3)}
+    return {**drift, "alarm": report.alarm, "moved_camera": report.camera}
 
 
 def _say(summary: Summary) -> None:
@@ -79,6 +89,11 @@ def _say(summary: Summary) -> None:
     for name, values in (("residual px", summary["residual_px"]), ("3D error mm", summary["error_mm"])):
         if isinstance(values, dict):
             say(f"{name}: median {values['median']}, p95 {values['p95']}")
+    calibration = summary["calibration"]
+    if isinstance(calibration, dict) and calibration["alarm"]:
+        pair = " and ".join(calibration["worst_pair"])
+        moved = f"{calibration['moved_camera']} was moved" if calibration["moved_camera"] else "one of them was moved"
+        say(f"the calibration is off by {calibration['drift_px']} px between {pair}: {moved}, calibrate again")
     counts = summary["points_of_cameras"]
     if isinstance(counts, dict) and summary["points"] and max(counts) > 2:
         say("points by number of cameras: " + ", ".join(f"{count} of {cameras}" for cameras, count in counts.items()))

@@ -36,7 +36,7 @@ from core.learning.config import (
 from core.learning.evaluation.reachable import reachable_words
 from core.learning.rewards import RewardConfig, RewardKind
 from core.learning.runs.run_files import create_run, read_run, seed_files
-from core.learning.task.recorded_balls import ball_state_files
+from core.learning.task.environment import ball_state_files
 from core.physics.config import Profile
 
 BALLS_BEFORE_CAMERAS = 100

@@ -34,7 +34,7 @@ from core.tuning import (
     truth_objective,
     tune,
 )
-from core.tuning.split_score import Figures
+from core.tuning.objective import Figures
 from labels.tuning_objective import label_objective
 
 Against = Literal["truth", "labels"]

@@ -10,8 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
 
-from app.state.client_state import ClientState
-from app.state.playback import Playhead
+from app.state.client_state import ClientState, Playhead
 from core.history.rally_history import RallyHistory
 
 BEFORE_US: Final = 80_000

@@ -11,13 +11,42 @@ from typing import Final, Protocol
 
 from app.client_session.view_link import Values, commands_of, link_of, values_of
 from app.state.browser_memory import BrowserMemory, Remembered
-from app.state.client_state import ClientState, Configs, TuneView
-from app.state.playback import Playhead
-from app.state.undo import History
+from app.state.client_state import ClientState, Configs, History, Playhead, TuneView
 from app.web.pages import Message, PageConnection, Pages
 from core.detection import DetectorConfig
 from core.detection.methods import DEFAULT_METHOD
 from core.detection.saved import SavedDetector
+
+FEW_EVERY_S: Final = 0.2
+
+
+class FrameThrottle:
+    """Limits the frame rate of one browser. Called by its loop, except `request_frame`."""
+
+    def __init__(self) -> None:
+        self._by_software = False
+        self._hurried = True
+        self._shown_s = float("-inf")
+
+    def hear(self, message: Message) -> None:
+        """Read the page's report of its renderer."""
+        self._by_software = message.get("software") is True
+
+    def hurry(self) -> None:
+        """Draw the next frame at once, for a user's action; called from any thread."""
+        self._hurried = True
+
+    def spares(self, state: ClientState | None) -> bool:
+        """Whether this is a live rally on a page that is rendered on the CPU."""
+        return self._by_software and state is not None and state.playhead.live and state.playhead.playing
+
+    def is_due(self, state: ClientState | None, wall_s: float) -> bool:
+        """Whether the browser gets its next frame now."""
+        if self.spares(state) and wall_s - self._shown_s < FEW_EVERY_S and not self._hurried:
+            return False
+        self._hurried, self._shown_s = False, wall_s
+        return True
+
 
 LINK_EVERY_S: Final = 0.3
 LINK_PLAYING_S: Final = 1.0

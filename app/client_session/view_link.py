@@ -15,9 +15,10 @@ from dataclasses import dataclass
 from typing import Final
 
 from app.modes.watch.commands import EnlargeCamera, ShowLayer, ShowSpace
-from app.pictures.event_picture import RENDERINGS
+from app.pictures.canvas import RENDERINGS
 from app.pictures.palette import POLARITY_COLOURS
 from app.state import commands
+from app.state.browser_memory import default_config, differing_settings, with_settings
 from app.state.client_state import (
     ARRANGEMENTS,
     MODES,
@@ -30,10 +31,9 @@ from app.state.client_state import (
     WatchView,
 )
 from app.state.commands import Command
-from app.state.settings_text import default_config, differing_settings, with_settings
 from core.detection.methods import METHODS, UNNAMED_METHOD, Method
 from core.errors import ConfigError
-from core.text.json_text import parse_json
+from core.text import parse_json
 
 MAX_LENGTH: Final = 4_000
 VERSION: Final = "1"

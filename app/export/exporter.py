@@ -13,7 +13,7 @@ from typing import Final
 
 from app.background.jobs import Job
 from app.export.unfinished import Cancelled, ExportCancelledError, Progress
-from app.formatting.text import size_text
+from app.formatting import size_text
 from app.shared.workspace import Workspace, slug_from
 from core.errors import WRITE_REMEDY, CommandError, RallyscopeError
 from core.files import POSIX, lock_descriptor

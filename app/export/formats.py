@@ -196,7 +196,7 @@ def _rrd(task: ExportTask) -> tuple[Path, ...]:
 
 
 def _csv(task: ExportTask) -> tuple[Path, ...]:
-    from app.export.events.csv_tables import export_csv
+    from app.export.events import export_csv
 
     return export_csv(
         task.recording, task.path, task.span, groups=task.groups, overwrite=task.order.overwrite,
@@ -205,7 +205,7 @@ def _csv(task: ExportTask) -> tuple[Path, ...]:
 
 
 def _dsec(task: ExportTask) -> tuple[Path, ...]:
-    from app.export.events.dsec import export_dsec
+    from app.export.events import export_dsec
 
     return export_dsec(
         task.recording, task.path, task.span, overwrite=task.order.overwrite, progress=task.progress,
@@ -214,7 +214,7 @@ def _dsec(task: ExportTask) -> tuple[Path, ...]:
 
 
 def _evt3(task: ExportTask) -> tuple[Path, ...]:
-    from app.export.events.evt3 import export_evt3
+    from app.export.events import export_evt3
 
     return export_evt3(
         task.recording, task.path, task.span, overwrite=task.order.overwrite, progress=task.progress,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-from app.export.events.event_slices import event_slices, share_of
+from app.export.events import event_slices, share_of
 from app.export.selection import Span
 from app.export.unfinished import Cancelled, Progress
 from core.errors import RecordingError

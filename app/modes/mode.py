@@ -10,7 +10,7 @@ import viser
 
 from app import theme
 from app.export.exporter import ExportState
-from app.formatting.text import html_text, percent
+from app.formatting import html_text, percent
 from app.modes.services import Services
 from app.panels.time_bar import Runs
 from app.scene.world import World

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Final
 
-from app.background.shared_work import SharedWork
+from app.background.jobs import SharedWork
 from app.export.exporter import Exporter
 from app.export.viewer_streamer import ViewerStreamer
 from app.shared.files import OfferedFiles

@@ -6,7 +6,7 @@ import math
 
 import viser
 
-from app.formatting.text import field_words
+from app.formatting import field_words
 from core.config import FieldSpec
 
 TITLES = {

@@ -7,7 +7,7 @@ from typing import Final
 
 import viser
 
-from app.formatting.glossary import PAGE
+from app.formatting import PAGE
 from app.state.client_state import MODES, OVERLAYS
 from app.state.commands import Command, LookAt, Redo, SetMode, SetOverlay, StepTime, TogglePlay, Undo
 from app.widgets import when_triggered

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.panels.recording_info import RecordingInfo
-from app.state.client_state import MODES, ClientState
+from app.state.client_state import MODES, SPEEDS, STEPS_US, ClientState
 from app.state.commands import (
     Command,
     Loop,
@@ -24,7 +24,6 @@ from app.state.commands import (
     ToggleMark,
     TogglePlay,
 )
-from app.state.playback import SPEEDS, STEPS_US
 from app.web.pages import Json, Message
 from core.metrics import WindowVerdicts
 from core.recordings import Recording

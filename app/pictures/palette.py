@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import IntEnum
+from functools import lru_cache
 from typing import Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from core.detection.detector_registry import DETECTORS
+from core.detection.detector import DETECTORS
 from core.detection.methods import METHODS, Method
 
 PolarityColours = Literal["orange / blue", "red / green", "white / grey"]
@@ -108,7 +109,12 @@ def method_colour_index(method: Method) -> int:
 
 
 def palette(colours: PolarityColours) -> NDArray[np.uint8]:
-    """(256, 3) RGB."""
+    """(256, 3) RGB, read-only; worked out once for the methods that there are, as every picture needs it."""
+    return _palette(colours, tuple((method, METHOD_RGB[method]) for method in METHODS))
+
+
+@lru_cache(maxsize=8)
+def _palette(colours: PolarityColours, methods: tuple[tuple[Method, tuple[int, int, int]], ...]) -> NDArray[np.uint8]:
     rgb = np.zeros((256, 3), np.uint8)
     for ink, colour in _NAMED_RGB.items():
         rgb[ink] = colour
@@ -118,10 +124,11 @@ def palette(colours: PolarityColours) -> NDArray[np.uint8]:
     rgb[PaletteIndex.ON_DIM] = background + 0.5 * (np.array(on) - background)
     rgb[PaletteIndex.OFF_DIM] = background + 0.5 * (np.array(off) - background)
     rgb[PaletteIndex.CLUSTER : PaletteIndex.CLUSTER + CLUSTER_COLOURS] = _CLUSTER_RGB
-    for method in METHODS:
-        rgb[method_colour_index(method)] = METHOD_RGB[method]
+    for method, colour in methods:
+        rgb[method_colour_index(method)] = colour
     steps = np.linspace(0.0, 1.0, RAMP_COLOURS)[:, None]
     stops = np.array([_NAMED_RGB[PaletteIndex.BACKGROUND], (150, 45, 90), (255, 140, 40), (255, 250, 210)], np.float64)
     ramp = [np.interp(steps[:, 0], np.linspace(0, 1, len(stops)), stops[:, channel]) for channel in range(3)]
     rgb[PaletteIndex.RAMP : PaletteIndex.RAMP + RAMP_COLOURS] = np.stack(ramp, axis=1)
+    rgb.flags.writeable = False
     return rgb

@@ -1,14 +1,21 @@
-"""The arena: ground, table with lines and legs, net and posts, lights. World frame, metres."""
+"""The arena: ground, table with lines and legs, net and posts, lights; the cameras as frusta, with their pictures
+where there is no panel for these; and rackets, solid for the real one, see-through for its target. World frame,
+metres.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
 import viser
 
 from app.scene.painted import FLOOR_SIZE_M, floor_picture, net_picture
+from app.views.image_view import set_frustum_png
+from core.cameras import Camera
 from core.geometry import quaternion_from_matrix
+from core.history.rally_picture import Pose
 from core.table import (
     CENTRE_LINE_WIDTH_M,
     LINE_WIDTH_M,
@@ -119,3 +126,101 @@ def _add_net(scene: viser.SceneApi, name: str) -> None:
         wxyz=ACROSS_WXYZ,
         position=(0, 0, NET_HEIGHT_M / 2),
     )
+
+
+BLADE_RADIUS_M: Final = 0.08
+"""Radius of the simulated racket's blade, m."""
+RUBBER_M: Final = 0.006
+FRONT_RGB: Final = (235, 32, 40)
+BACK_RGB: Final = (40, 42, 48)
+HANDLE_RGB: Final = (176, 122, 66)
+HANDLE_M: Final = (0.022, 0.028, 0.11)
+TARGET_RGB: Final = (0, 205, 255)
+_TO_X: Final = quaternion_from_matrix(np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]))
+"""Turns a cylinder, whose axis is z, to the face's normal, +x."""
+
+
+class RacketActor:
+    """One racket in one browser's scene. The middle of its face is the origin, the normal +x, the handle hangs down."""
+
+    def __init__(self, scene: viser.SceneApi, name: str, *, ghost: bool = False) -> None:
+        self._frame = scene.add_frame(name, show_axes=False, visible=False)
+        self._pose: Pose | None = None
+        opacity = 0.45 if ghost else None
+        for part, colour, x in (("front", FRONT_RGB, -0.5), ("back", BACK_RGB, -1.5)):
+            scene.add_cylinder(
+                f"{name}/{part}",
+                BLADE_RADIUS_M,
+                RUBBER_M,
+                color=TARGET_RGB if ghost else colour,
+                opacity=opacity,
+                wxyz=_TO_X,
+                position=(x * RUBBER_M, 0.0, 0.0),
+                cast_shadow=False,
+            )
+        scene.add_box(
+            f"{name}/handle",
+            TARGET_RGB if ghost else HANDLE_RGB,
+            HANDLE_M,
+            opacity=opacity,
+            position=(-RUBBER_M, 0.0, -BLADE_RADIUS_M - 0.9 * HANDLE_M[2] / 2),
+            cast_shadow=False,
+        )
+
+    def show(self, pose: Pose | None) -> None:
+        """Stand there; None hides it."""
+        self._frame.visible = pose is not None
+        if pose is None:
+            return
+        if self._pose is None or pose.p_world_m is not self._pose.p_world_m:  # neighbouring moments share what stands
+            self._frame.position = pose.p_world_m
+        if self._pose is None or pose.wxyz is not self._pose.wxyz:
+            self._frame.wxyz = pose.wxyz
+        self._pose = pose
+
+
+FRUSTUM_RGB: Final = (150, 160, 178)
+FRUSTUM_SCALE: Final = 0.10
+PICTURE_SCALE: Final = 0.20
+
+
+class RigActors:
+    """One frustum a camera. Without pictures they hide nothing of what is behind them."""
+
+    def __init__(self, scene: viser.SceneApi, root: str, cameras: dict[str, Camera], *, pictures: bool = False) -> None:
+        blank = np.zeros((2, 2, 3), np.uint8) if pictures else None
+        self._frame = scene.add_frame(root, show_axes=False)
+        self._frusta = {
+            name: scene.add_camera_frustum(
+                f"{root}/{number}",
+                fov=vertical_fov_rad(camera),
+                aspect=camera.sensor.width_px / camera.sensor.height_px,
+                scale=PICTURE_SCALE if pictures else FRUSTUM_SCALE,
+                color=FRUSTUM_RGB,
+                thickness=0.002,
+                image=blank,
+                format="png",
+                wxyz=quaternion_from_matrix(camera.T_world_camera[:3, :3]),
+                position=camera.T_world_camera[:3, 3],
+            )
+            for number, (name, camera) in enumerate(cameras.items())
+        }
+
+    def set_visible(self, visible: bool) -> None:
+        """Show or hide all cameras of the rig."""
+        self._frame.visible = visible
+
+    def remove(self) -> None:
+        """Take them out of the scene."""
+        self._frame.remove()
+
+    def show(self, pngs: dict[str, bytes]) -> None:
+        """New pictures in the frusta."""
+        for name, png in pngs.items():
+            if name in self._frusta:
+                set_frustum_png(self._frusta[name], png)
+
+
+def vertical_fov_rad(camera: Camera) -> float:
+    """Angle from the top edge of the picture to its bottom edge."""
+    return 2 * math.atan(camera.sensor.height_px / 2 / float(camera.K[1, 1]))

@@ -9,23 +9,19 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.scene.arena import add_arena
-from app.scene.ball import BallActors
-from app.scene.landing import LandingActors
+from app.scene.arena import RacketActor, RigActors, add_arena
+from app.scene.ball import BallActors, TrailActor
 from app.scene.people import PeopleActor
-from app.scene.prediction import PredictionActors
-from app.scene.racket import RacketActor
-from app.scene.rig import RigActors
-from app.scene.trail import TrailActor
-from app.scene.uncertainty import UncertaintyActor
-from app.scene.view_camera import ViewCamera, view_camera_of
-from app.scene.viewpoints import (
+from app.scene.prediction import LandingActors, PredictionActors, UncertaintyActor
+from app.scene.view_camera import (
     FRAMED,
     STAGE,
     VIEWPOINTS,
+    ViewCamera,
     follow_viewpoint,
     stage_with,
     standpoint,
+    view_camera_of,
     viewpoint_of_camera,
 )
 from app.views.viewpoint import Viewpoint, look
@@ -134,6 +130,7 @@ class World:
         self._aspect = 1.0
         self._stage = STAGE
         self._parts: Array | None = None
+        self._persons: People | None = None
         self._touched = False
         self._drawn = RallyPicture()
         self._held: ViewCamera | None = None
@@ -178,6 +175,7 @@ class World:
         if cameras == self._cameras:
             return
         self._cameras = cameras
+        self._use_stage()
         if self._root is not None:
             self._build_rig()
 
@@ -268,9 +266,13 @@ class World:
         if (parts is None) != (before is None) or (
             parts is not None and before is not None and not np.array_equal(parts, before)
         ):
-            self._parts, self._stage = parts, stage_with(people)
-            if self._stands is not None and self._view in FRAMED:
-                self.look_from(self._view)
+            self._parts, self._persons = parts, people
+            self._use_stage()
+
+    def _use_stage(self) -> None:
+        self._stage = stage_with(self._persons, self._cameras.values())
+        if self._stands is not None and self._view in FRAMED:
+            self.look_from(self._view)
 
     def _viewpoint(self, view: str) -> Viewpoint | None:
         if view in VIEWPOINTS:
@@ -280,7 +282,7 @@ class World:
     def _build(self) -> None:
         self._root = self._scene.add_frame(ROOT, show_axes=False, visible=False)
         add_arena(self._scene, ROOT)
-        self._ball = BallActors(self._scene, ROOT, cameras=2)
+        self._ball = BallActors(self._scene, ROOT)
         self._trail = TrailActor(self._scene, f"{ROOT}/trail")
         self._prediction = PredictionActors(
             self._scene, f"{ROOT}/prediction", plane_x_m=TaskConfig().stroke.hit_plane_x_m

@@ -19,14 +19,16 @@ import h5py
 from app.shared.library import Library
 from app.shared.workspace import Workspace, slug_from
 from core.errors import CommandError, RecordingError
+from core.events import SensorSize
 from core.files import begin_unfinished, end_unfinished, put_beside
 from core.recordings import check_import, import_recording, open_recording
-from core.recordings.identity import source_uuid
 from core.recordings.import_facts import ImportFacts
+from core.recordings.importing import imported_uuid
 from core.recordings.log.growing import is_growing
 from core.recordings.opening import is_recording
 from core.recordings.sources import open_sources
 from core.recordings.sources.kinds import kind_of
+from core.recordings.sources.source import Stated
 
 
 def incoming_folder(workspace: Workspace) -> Path:
@@ -42,11 +44,24 @@ LONGEST_LOOK_S: Final = 2.0
 """So long the events of a file are read before a person is asked; of a large file that is the first part."""
 
 
+@dataclass(frozen=True, slots=True)
+class OpeningChoices:
+    """What a person says of an event file that does not say it itself; nothing of it is left to the file."""
+
+    sensor: SensorSize | None = None
+    """Sensor of every camera in the file."""
+    stated: Stated | None = None
+
+
+AS_THE_FILE_SAYS: Final = OpeningChoices()
+
+
 def look_at(
     path: Path,
     library: Library,
     workspace: Workspace,
     *,
+    choices: OpeningChoices = AS_THE_FILE_SAYS,
     progress: Callable[[float], None] = lambda share: None,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> ImportFacts | None:
@@ -55,9 +70,16 @@ def look_at(
     Raises:
         RecordingError: if the file cannot be read.
     """
-    if is_growing(path) or is_recording(path) or _known(path, workspace)[2] is not None:
+    if is_growing(path) or is_recording(path) or _known(path, workspace, choices)[2] is not None:
         return None
-    return check_import([path], longest_s=LONGEST_LOOK_S, progress=progress, cancelled=cancelled)
+    return check_import(
+        [path],
+        sensor=choices.sensor,
+        stated=choices.stated,
+        longest_s=LONGEST_LOOK_S,
+        progress=progress,
+        cancelled=cancelled,
+    )
 
 
 def bring_in(
@@ -65,6 +87,7 @@ def bring_in(
     library: Library,
     workspace: Workspace,
     *,
+    choices: OpeningChoices = AS_THE_FILE_SAYS,
     received: bool = False,
     progress: Callable[[float], None] = lambda share: None,
     cancelled: Callable[[], bool] = lambda: False,
@@ -82,36 +105,39 @@ def bring_in(
         if own:
             return path.stem
         return _keep_recording(path, workspace) if received else library.add_external(path)
-    wanted, uuid, known = _known(path, workspace)
+    wanted, uuid, known = _known(path, workspace, choices)
     if known is not None:
         return known
     folder = incoming_folder(workspace)
     try:
         decoded = folder / "decoded.h5"
         watched = _watching_the_disk(folder, progress)
-        if import_recording([path], decoded, progress=watched, cancelled=cancelled) is None:
+        made = import_recording(
+            [path], decoded, sensor=choices.sensor, stated=choices.stated, progress=watched, cancelled=cancelled
+        )
+        if made is None:
             return None
         return _place(decoded, workspace, wanted, uuid)
     finally:
         end_unfinished(folder)
 
 
-def _known(path: Path, workspace: Workspace) -> tuple[str, str, str | None]:
+def _known(path: Path, workspace: Workspace, choices: OpeningChoices) -> tuple[str, str, str | None]:
     """The name and the identity of the recording that an event file becomes, and its name if it is there already."""
     wanted = path.stem if path.parent == workspace.recordings else _slug(path.stem)
     try:
         status = path.stat()
     except OSError as error:
         raise RecordingError("the file cannot be opened", got=error.strerror, where=path) from error
-    names = _source_names(path, status.st_size, status.st_mtime_ns)
-    uuid = source_uuid([path], names, "None", 0)  # as importing it makes it
+    names = _source_names(path, status.st_size, status.st_mtime_ns, choices.sensor)
+    uuid = imported_uuid([path], names, sensor=choices.sensor, stated=choices.stated)
     return wanted, uuid, _already_there(workspace, wanted, uuid)
 
 
 @lru_cache(maxsize=16)
-def _source_names(path: Path, size_bytes: int, changed_ns: int) -> list[str]:
+def _source_names(path: Path, size_bytes: int, changed_ns: int, sensor: SensorSize | None) -> list[str]:
     """The cameras of a file. Opening a large table takes seconds, and it is asked before the import and by it."""
-    return [source.name for source in open_sources(path)]
+    return [source.name for source in open_sources(path, sensor)]
 
 
 def _keep_recording(path: Path, workspace: Workspace) -> str:

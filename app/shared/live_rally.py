@@ -12,23 +12,21 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from app.background.child import ChildProcess, share_in
 from app.shared.live_learning import LiveLearning
-from app.shared.simulation_process import SimulationProcess
 from core.cameras import Camera
 from core.chain.calibration_drift import CalibrationDrift, DriftReport
 from core.chain.control.decision import RacketDecision
 from core.chain.control.player import PlayerState
 from core.errors import LinkError, RecordingError
-from core.history.live_rows import LiveRows
 from core.history.played_bodies import PlayedBodies
 from core.history.rally_history import Outcome, RallyHistory
 from core.history.rally_picture import LandingSpot
-from core.history.record_live import LiveRecorder
-from core.history.return_counts import BallConditions, ReturnCounts
-from core.history.seen_outcomes import SeenOutcomes
+from core.history.record_live import LiveRecorder, LiveRows
+from core.history.seen_outcomes import BallConditions, ReturnCounts, SeenOutcomes
 from core.live.link import messages as m
 from core.live.link.client import SimulationClient
-from core.live.link.keys import ClientKeys
+from core.live.link.guard import ClientKeys
 from core.live.link.live_source import LiveSource, RecalibratedSource
 from core.live.live_player import LivePlayer
 from core.live.ring_recording import LiveConfig, RingRecording
@@ -36,6 +34,43 @@ from core.live.stream_watch import StreamWatch
 from core.physics.episode import Case
 from core.robot import RobotClient, SourceWithRobot
 from core.robot.robot_step_test import RobotStepTest
+
+
+class SimulationProcess:
+    """The simulation's process; it starts at once, `wait` returns its address."""
+
+    def __init__(self, *arguments: str, on_progress: Callable[[float], None] = lambda share: None) -> None:
+        """`arguments` of the verb; `on_progress` gets the compiled share, 0 to 1."""
+        self._address = ""
+        self._started = threading.Event()
+        self._on_progress = on_progress
+        command = ("app.cli", "sim-server", "--bind", "tcp://127.0.0.1:0", "--until-eof", *arguments)
+        self._child = ChildProcess(*command, on_line=self._hear, on_end=self._started.set)
+
+    def wait(self) -> str:
+        """Wait for its address; a slow machine may compile for minutes.
+
+        Raises:
+            LinkError: if it ends before.
+        """
+        self._started.wait()
+        if not self._address:
+            remedy = "run `rallyscope sim-server` to see why"
+            raise LinkError("the simulation did not start", got=self._child.last_words, remedy=remedy)
+        return self._address
+
+    def stop(self) -> None:
+        """End the simulation's process."""
+        self._child.stop()
+
+    def _hear(self, line: str) -> None:
+        share = share_in(line)
+        if share is not None:
+            self._on_progress(share)
+        elif "tcp://" in line and not self._address:
+            self._address = line[line.index("tcp://") :].split()[0]
+            self._started.set()
+
 
 LIVE: Final = "live"
 """Name of the live rally in the list of recordings."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from app.formatting.text import html_text
+from app.formatting import html_text
 from app.shared.live_rally import LiveRally
 from core.chain.calibration_drift import DriftReport
 from core.live.link.live_source import SourceStatus

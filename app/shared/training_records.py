@@ -27,7 +27,7 @@ from core.physics.rotation import base_orientation
 from core.simulation.episodes.closed_form import fly_serves, return_balls
 from core.simulation.episodes.episode_path import Trajectory, trace_episode
 from core.simulation.episodes.racket import RacketConfig, move_racket, target_for_ball, upright_racket
-from core.text.json_text import parse_json
+from core.text import parse_json
 
 Array = NDArray[np.float64]
 COLUMNS: Final = ("case", "reward", "error_mm", "noise", "w1", "w2", "speed_mps")

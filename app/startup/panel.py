@@ -1,15 +1,18 @@
-"""The card that a browser shows while the app is being prepared."""
+"""The card that a browser shows while the app is being prepared, and its wait for its first recording, such as a
+live rally in preparation.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import viser
 
 from app import theme
-from app.formatting.text import html_text
-from app.startup.steps import Step
+from app.formatting import html_text
+from app.shared.library import Library
+from app.startup.startup import Preparation, Step
 
 PLACE_PX: Final = (8, -8)
 SIZE_PX: Final = (430, 230)
@@ -61,3 +64,36 @@ def _row(step: Step) -> str:
 def _bar(share: float) -> str:
     filled = f"<div style='width:{share:.0%};height:4px;background:rgb{theme.BRAND_RGB};border-radius:2px'></div>"
     return f"<div style='background:#3a3d44;height:4px;border-radius:2px;margin:2px 0 4px'>{filled}</div>"
+
+
+class AwaitedRecording:
+    """Owned by the browser's session, used by the loop only."""
+
+    def __init__(
+        self, library: Library, preparation: Preparation | None, add_card: Callable[[], PreparationPanel]
+    ) -> None:
+        """`preparation` is shown as a card until it is over; None if there is nothing to prepare."""
+        self._library = library
+        self._preparation = preparation
+        self._card = None if preparation is None or preparation.over else add_card()
+        self._name: str | None = None
+
+    @property
+    def waiting(self) -> bool:
+        """Whether it is still waiting."""
+        return self._name is not None
+
+    def expect(self, name: str | None) -> None:
+        """Wait for this recording; None cancels the wait, as another was chosen."""
+        self._name = name
+
+    def tick(self) -> str | None:
+        """Show the progress; returns the recording's name once it exists."""
+        if self._card is not None and self._preparation is not None:
+            self._card.show(self._preparation.steps)
+            if self._preparation.over:
+                self._card = None
+        if self._name is None or not self._library.has(self._name):
+            return None
+        arrived, self._name = self._name, None
+        return arrived

@@ -1,20 +1,151 @@
-"""State of one browser as one frozen value, from which everything shown is computed."""
+"""State of one browser as one frozen value, from which everything shown is computed.
+
+The time cursor of one browser: a pure value that gives its position at any wall-clock time.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Final, Literal, get_args
+from typing import Final, Generic, Literal, TypeVar, get_args
 
-from app.pictures.event_picture import Rendering
+from app.pictures.canvas import Rendering
 from app.pictures.palette import PolarityColours
-from app.state.playback import Playhead
-from app.state.swept_cells import BoardGuide, SweptCells
-from app.state.table_clicks import TableClicks
-from app.state.undo import History
+from app.state.swept_cells import BoardGuide, SweptCells, TableClicks
 from core.detection import DetectorConfig
 from core.detection.methods import DEFAULT_METHOD, STAGED, Method, method_config
 from core.detection.saved import SavedDetector
+
+V = TypeVar("V")
+
+MERGE_WITHIN_S = 0.8
+"""Changes of one setting closer than this are one step: a slider sends some twenty a second while it is dragged."""
+
+
+@dataclass(frozen=True, slots=True)
+class History(Generic[V]):
+    """A value with its undo and redo history."""
+
+    present: V
+    past: tuple[V, ...] = ()
+    future: tuple[V, ...] = ()
+    last_topic: object = None
+    last_wall_s: float = float("-inf")
+
+    def change(self, value: V, *, topic: object, wall_s: float) -> History[V]:
+        """History with a new value; merged with the previous step if that was recent and had the same topic."""
+        if value == self.present:
+            return self
+        joins = topic is not None and topic == self.last_topic and wall_s - self.last_wall_s < MERGE_WITHIN_S
+        past = self.past if joins else (*self.past, self.present)
+        return History(value, past, (), topic, wall_s)
+
+    def undo(self) -> History[V]:
+        """History before the last step; unchanged if there is none."""
+        if not self.past:
+            return self
+        return replace(self._at(self.past[-1]), past=self.past[:-1], future=(self.present, *self.future))
+
+    def redo(self) -> History[V]:
+        """History after redoing; unchanged if there is nothing to redo."""
+        if not self.future:
+            return self
+        return replace(self._at(self.future[0]), past=(*self.past, self.present), future=self.future[1:])
+
+    def _at(self, value: V) -> History[V]:
+        return replace(self, present=value, last_topic=None)
+
+
+SPEEDS: Final = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 2.0)
+SHORTEST_LOOP_US: Final = 100
+STEPS_US: Final = (1, 10, 100, 500, 1_000, 2_000, 5_000, 10_000, 100_000, 1_000_000)
+
+
+@dataclass(frozen=True, slots=True)
+class Playhead:
+    """Where in a recording the end of the shown window is; while it plays it moves with the wall clock."""
+
+    duration_us: int
+    anchor_us: int = 0
+    """Position at `anchor_wall_s`; the position as long as it is paused."""
+    anchor_wall_s: float = 0.0
+    playing: bool = False
+    speed: float = 0.05
+    start_us: int = 0
+    """Start of the available time; above 0 in a live recording only."""
+    live: bool = False
+    """Whether the recording is live: at its end the cursor follows it instead of stopping."""
+    following: bool = False
+    """Whether the cursor follows the end of a live recording."""
+    loop_us: tuple[int, int] | None = None
+    """Start and end of a section that is repeated once the cursor is in it."""
+
+    def position_us(self, wall_s: float) -> int:
+        """Position at a wall-clock time, in [start, duration]."""
+        if self.following:
+            return self.duration_us
+        moved = self.speed * (wall_s - self.anchor_wall_s) * 1e6 if self.playing else 0.0
+        return self._inside(self._looped(self.anchor_us + moved))
+
+    def grown(self, start_us: int, duration_us: int) -> Playhead:
+        """Cursor after a live recording has grown."""
+        return replace(self, start_us=start_us, duration_us=duration_us)
+
+    def seek(self, t_us: int, wall_s: float) -> Playhead:
+        """Cursor at another time; playing or paused as before."""
+        return replace(self, anchor_us=self._inside(t_us), anchor_wall_s=wall_s, following=False)
+
+    def looping(self, section_us: tuple[int, int] | None, wall_s: float) -> Playhead:
+        """The cursor with a section to repeat, moved to its start if it is outside; None ends the loop."""
+        head = replace(self.seek(self.position_us(wall_s), wall_s), loop_us=None)
+        if section_us is None:
+            return head
+        start_us, end_us = (head._inside(t_us) for t_us in sorted(section_us))
+        if end_us - start_us < SHORTEST_LOOP_US:
+            return head
+        here_us = head.anchor_us if start_us <= head.anchor_us < end_us else start_us
+        return replace(head, loop_us=(start_us, end_us), anchor_us=here_us)
+
+    def _looped(self, t_us: float) -> float:
+        if self.loop_us is None or not self.playing:
+            return t_us
+        start_us, end_us = self.loop_us
+        inside = start_us <= self.anchor_us < end_us <= t_us
+        return start_us + (t_us - start_us) % (end_us - start_us) if inside else t_us
+
+    def _inside(self, t_us: float) -> int:
+        return int(min(max(t_us, self.start_us), self.duration_us))
+
+    def step(self, by_us: int, wall_s: float) -> Playhead:
+        """Cursor paused, `by_us` later."""
+        return replace(self, playing=False).seek(self.position_us(wall_s) + by_us, wall_s)
+
+    def play(self, wall_s: float) -> Playhead:
+        """Cursor playing: from the start if it was at the end; a live recording is followed unless in slow motion."""
+        if self.live and (self.speed >= 1 or self.position_us(wall_s) >= self.duration_us):
+            return replace(self, playing=True, following=True)
+        start_us = self.position_us(wall_s)
+        if start_us >= self.duration_us:
+            start_us = 0
+        return replace(self.seek(start_us, wall_s), playing=True)
+
+    def pause(self, wall_s: float) -> Playhead:
+        """Cursor paused at its position."""
+        return replace(self.seek(self.position_us(wall_s), wall_s), playing=False)
+
+    def at_speed(self, speed: float, wall_s: float) -> Playhead:
+        """The cursor moving at `speed` recording seconds per second."""
+        if not (math.isfinite(speed) and speed > 0):
+            return self
+        return replace(self.seek(self.position_us(wall_s), wall_s), speed=speed)
+
+    def settle(self, wall_s: float) -> Playhead:
+        """Cursor after reaching the end: paused, or following a live recording."""
+        if not self.playing or self.following or self.position_us(wall_s) < self.duration_us:
+            return self
+        return replace(self, following=True) if self.live else self.pause(wall_s)
+
 
 ModeName = Literal["Watch", "Tune", "Label", "Train", "Export"]
 MODES: Final[tuple[ModeName, ...]] = get_args(ModeName)

@@ -10,13 +10,15 @@ import math
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from app.pictures.event_picture import RENDERINGS, Rendering
+from app.pictures.canvas import RENDERINGS, Rendering
 from app.pictures.palette import POLARITY_COLOURS, PolarityColours
 from app.state.client_state import (
     ARRANGEMENTS,
     MODES,
     OVERLAYS,
     SLOTS,
+    SPEEDS,
+    STEPS_US,
     Arrangement,
     ClientState,
     Configs,
@@ -24,7 +26,6 @@ from app.state.client_state import (
     Overlay,
     Slot,
 )
-from app.state.playback import SPEEDS, STEPS_US
 from core.config import replace_setting
 from core.detection import DetectorConfig
 from core.detection.methods import METHODS, STAGED, Method, method_config

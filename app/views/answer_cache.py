@@ -8,7 +8,7 @@ from typing import Final
 
 from core.detection import DetectorConfig
 from core.detection.methods import Method
-from core.metrics.one_window import WindowAnswer, answer_window
+from core.metrics.run import WindowAnswer, answer_window
 from core.recordings import CameraStream
 
 KEPT: Final = 64

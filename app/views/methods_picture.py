@@ -19,8 +19,8 @@ from app.views.requests import PictureAnswer
 from app.views.stage_picture import draw_answer
 from core.detection import DetectorConfig
 from core.detection.methods import Method
-from core.metrics.one_window import WindowAnswer
-from core.metrics.reference import PixelReference
+from core.metrics.compare import PixelReference
+from core.metrics.run import WindowAnswer
 from core.recordings import CameraStream
 
 ZOOM: Final = 8.0

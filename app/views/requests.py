@@ -8,12 +8,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from app.pictures.canvas import Canvas, Region
-from app.pictures.event_picture import event_picture
+from app.pictures.canvas import Canvas, Region, event_picture
 from app.pictures.palette import PaletteIndex
 from app.state.client_state import RenderSettings, TuneView
-from app.state.swept_cells import SweptCells
-from app.state.table_clicks import TableClicks
+from app.state.swept_cells import SweptCells, TableClicks
 from app.views.answer_cache import AnswerCache
 from app.views.mosaic import Mosaic, columns_of, lay_out
 from app.views.stage_picture import draw_answer, draw_detection, draw_stages, draw_truth
@@ -28,7 +26,7 @@ from core.detection.saved import SavedDetector
 from core.detection.stages.roi import Roi
 from core.errors import CalibrationError
 from core.events import Window
-from core.metrics.one_window import WindowAnswer, answer_window
+from core.metrics.run import WindowAnswer, answer_window
 from core.recordings import CameraStream, Recording
 
 RADIUS_PX = 8

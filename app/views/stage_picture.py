@@ -7,13 +7,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from app.pictures.canvas import Canvas
-from app.pictures.event_picture import Rendering, event_picture
+from app.pictures.canvas import Canvas, Rendering, event_picture
 from app.pictures.palette import CLUSTER_COLOURS, PaletteIndex
 from app.state.client_state import Overlay
 from core.detection import Candidate, Detection, PipelineTrace, RefinedDetection
 from core.events import Events, Window, polarity_image
-from core.metrics.one_window import WindowAnswer
+from core.metrics.run import WindowAnswer
 from core.recordings import PixelTruth
 
 LABELLED_CANDIDATES = 12

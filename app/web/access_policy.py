@@ -11,6 +11,7 @@ import hashlib
 import hmac
 import re
 import secrets
+import socket
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -105,3 +106,23 @@ def _is_origin_of(host: str, origin: str | None) -> bool:
 
 def _equal(one: str, other: str) -> bool:
     return hmac.compare_digest(one.encode("utf-8", "replace"), other.encode())
+
+
+def check_address(host: str, port: int) -> None:
+    """Try to listen for a moment; port 0 stands for any free one.
+
+    Raises:
+        CommandError: if the address cannot be used.
+    """
+    try:
+        with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind((host, port))
+    except (OSError, OverflowError, TypeError, UnicodeError) as error:  # the last two over names that are no text
+        raise port_taken(host, port, str(error)) from error
+
+
+def port_taken(host: str, port: int, reason: str) -> CommandError:
+    """Error message for an address that cannot be listened on."""
+    remedy = "it may run there already: open it in a browser, or choose another with --port or --host"
+    return CommandError(f"cannot listen on {host}:{port}", got=reason, remedy=remedy)

@@ -33,8 +33,7 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from app.theme import apply_theme
-from app.web.access_policy import TOKEN_COOKIE, Admission, RequestOrigin
-from app.web.address import check_address, port_taken
+from app.web.access_policy import TOKEN_COOKIE, Admission, RequestOrigin, check_address, port_taken
 from app.web.pages import PageConnection, Pages
 
 SCRIPTS: Final = (

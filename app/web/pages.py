@@ -15,7 +15,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.protocol import State
 
 from app.web.uploads import Uploads
-from core.text.json_text import parse_json
+from core.text import parse_json
 
 logger = logging.getLogger(__name__)
 MAX_MESSAGE_BYTES: Final = 65_536

@@ -22,7 +22,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
 from core.files import end_unfinished
-from core.text.json_text import parse_json
+from core.text import parse_json
 
 logger = logging.getLogger(__name__)
 MAX_UPLOAD_BYTES: Final = 200_000_000

@@ -1,11 +1,16 @@
-"""A client of the app that draws nothing: it presses keys and notes when pictures arrive. For measurements."""
+"""A client of the app that draws nothing, which presses keys and notes when pictures arrive, and the Chromium that
+benches measure in.
+"""
 
 from __future__ import annotations
 
+import os
+import shutil
 import threading
 import time
-from collections.abc import Callable, Mapping
-from typing import Any, Final
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing, contextmanager
+from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import urlencode
 
 import msgspec.msgpack
@@ -17,6 +22,10 @@ from websockets.typing import Subprotocol
 from app.server import App
 from app.session import Session
 from app.web.gateway import BROWSER_COOKIE
+from core.errors import CommandError
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 PROTOCOL: Final = "viser-v1.1.1"
 LARGE_PICTURE: Final = "/sheet/0"
@@ -135,3 +144,81 @@ def messages_in(frame: str | bytes) -> list[Mapping[str, Any]]:
     assert isinstance(frame, bytes)
     length = int.from_bytes(frame[8:16], "little")
     return msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(frame[16 : 16 + length]))["messages"]
+
+
+BROWSER_FLAGS: Final = ("--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+WINDOW: Final = (1280, 720)
+
+
+def find_chromium() -> str | None:
+    """The browser, if there is one and something to drive it with."""
+    try:
+        import playwright  # noqa: F401
+    except ImportError:
+        return None
+    return os.environ.get("RALLYSCOPE_CHROMIUM") or shutil.which("chromium")
+
+
+@contextmanager
+def measuring_browser() -> Iterator[Browser]:
+    """While it is open.
+
+    Raises:
+        CommandError: if there is none.
+    """
+    program = find_chromium()
+    if program is None:
+        raise CommandError("no Chromium to measure with", remedy="set RALLYSCOPE_CHROMIUM to one")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=program, args=list(BROWSER_FLAGS))
+        with closing(browser):
+            yield browser
+
+
+MOVES: Final = frozenset({"SetPositionMessage", "SetOrientationMessage", "SceneNodeUpdateMessage"})
+
+
+class Visitor(BareBrowser):
+    """Connected as soon as it is made."""
+
+    def __init__(self, port: int) -> None:
+        self._controls: dict[str, str] = {}
+        self._contents: dict[str, str] = {}
+        """HTML of the panels, by their id."""
+        self.updates: list[float] = []
+        """When the server changed what the scene shows, monotonic seconds; many changes at once are one."""
+        super().__init__(port)
+
+    def press(self, label: str, timeout_s: float = 60.0) -> None:
+        """Click the button."""
+        self.change(label, True, timeout_s)
+
+    def change(self, label: str, value: object, timeout_s: float = 60.0) -> None:
+        """Set a field, a choice or a box."""
+        self.wait_until(lambda: label in self._controls, f"a control {label!r}", timeout_s)
+        self.set_value(self._controls[label], value)
+
+    def wait_text(self, text: str, timeout_s: float = 60.0) -> None:
+        """Until it stands in some panel."""
+        self.wait_until(lambda: any(text in html for html in self._contents.copy().values()), repr(text), timeout_s)
+
+    def rate(self, seconds: float, until_s: float) -> float:
+        """Updates a second in the time before `until_s`."""
+        return sum(until_s - seconds < at_s <= until_s for at_s in self.updates) / seconds
+
+    def _take(self, message: Mapping[str, Any]) -> None:
+        super()._take(message)
+        kind = message["type"]
+        content = (message.get("props") or message.get("updates") or {}).get("content")
+        if isinstance(content, str):
+            self._contents[message["uuid"]] = content
+        if kind.startswith("Gui") and isinstance(message.get("props"), dict):
+            label = message["props"].get("label")
+            if label:
+                self._controls[label] = message["uuid"]
+        elif kind in MOVES and message["name"].startswith("/world/"):
+            now_s = time.monotonic()
+            if not self.updates or now_s - self.updates[-1] > 0.005:
+                self.updates.append(now_s)

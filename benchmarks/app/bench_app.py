@@ -13,13 +13,13 @@ import numpy as np
 from app.state.client_state import RenderSettings, TuneView
 from app.views.answer_cache import AnswerCache
 from app.views.requests import TuneRequest, WatchRequest, answer_request
+from benchmarks.app.bare_browser import WINDOW, measuring_browser
+from benchmarks.app.bench_soak import run_soak
 from benchmarks.app.live_pace import measure_pace
-from benchmarks.app.measuring_browser import WINDOW, measuring_browser
+from benchmarks.app.many_cameras import measure_cameras
 from benchmarks.app.page_speed import measure_page
-from benchmarks.app.soak.bench_soak import run_soak
-from benchmarks.app.soak.served_app import served
-from benchmarks.machine import Row, describe_machine, goal_row
-from benchmarks.partial_rows import report_rows_to
+from benchmarks.app.served_app import served
+from benchmarks.machine import Row, describe_machine, goal_row, report_rows_to
 from core.cameras import stereo_preset
 from core.config import replace_setting
 from core.detection import DetectorConfig
@@ -98,16 +98,23 @@ PARTS: Final[dict[str, Callable[[Path, Callable[[float], None]], list[Row]]]] = 
     "return": lambda folder, progress: [measure_return(folder, progress)],
     "page": measure_page,
     "pace": measure_pace,
+    "cameras": measure_cameras,
 }
 """What is measured in an empty folder."""
 
 
-def run(progress: Callable[[float], None], *, soak: float | None = None, only: str | None = None) -> dict[str, object]:
+def run(
+    progress: Callable[[float], None],
+    *,
+    soak: float | None = None,
+    only: str | None = None,
+    cameras: int | None = None,
+) -> dict[str, object]:
     """The app under load for `soak` minutes, or how long its pictures take.
 
     With `only` "return" how soon an open page is back after a killed server,
     with "page" how soon a browser shows what is asked for, with "pace" whether the live rally keeps up while one shows
-    it.
+    it; with "cameras", or a number of `cameras`, how often a client that shows so many is updated.
 
     Rows of the latter per view: p50, p99 and the largest number of milliseconds a picture takes, at random times of a
     recording.
@@ -121,6 +128,11 @@ def run(progress: Callable[[float], None], *, soak: float | None = None, only: s
     if only not in (None, *PARTS):
         expected = ", ".join(PARTS)
         raise CommandError("no such part of the app to measure", expected=expected, got=only, where="--only")
+    if cameras is not None:
+        if only not in (None, "cameras"):
+            raise CommandError("only one part has a number of cameras", expected="--only cameras", got=only)
+        with tempfile.TemporaryDirectory(prefix="rallyscope-bench-") as folder:
+            return {"rows": measure_cameras(Path(folder), progress, cameras), "machine": describe_machine("viser")}
     if only is not None:
         with tempfile.TemporaryDirectory(prefix="rallyscope-bench-") as folder:
             return {"rows": PARTS[only](Path(folder), progress), "machine": describe_machine("viser")}

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from app.export.formats import FORMATS, ExportRequest, export
-from benchmarks.machine import describe_machine
-from benchmarks.partial_rows import report_rows_to
+from benchmarks.machine import describe_machine, report_rows_to
 from core.cameras import stereo_preset
 from core.recordings import open_recording
 from core.simulation import LaunchConfig, SensorConfig, StereoConfig, simulate_recording

@@ -14,10 +14,9 @@ import numpy as np
 
 from app.server import App
 from app.shared.library import Library
-from app.shared.live_rally import LIVE, LiveRally, join_simulation
-from app.shared.simulation_process import SimulationProcess
+from app.shared.live_rally import LIVE, LiveRally, SimulationProcess, join_simulation
 from app.shared.workspace import Workspace
-from benchmarks.app.measuring_browser import WINDOW, measuring_browser
+from benchmarks.app.bare_browser import WINDOW, measuring_browser
 from benchmarks.machine import Row, goal_row
 from core.errors import CommandError
 from core.live.link import messages as m

@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from app.shared.workspace import Workspace
-from benchmarks.app.measuring_browser import WINDOW, measuring_browser
-from benchmarks.app.soak.served_app import served
-from benchmarks.app.soak.visitor import Visitor
+from benchmarks.app.bare_browser import WINDOW, Visitor, measuring_browser
+from benchmarks.app.served_app import served
 from benchmarks.machine import Row, goal_row
 from core.cameras import stereo_preset
 from core.events import Events

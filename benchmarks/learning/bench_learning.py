@@ -10,15 +10,17 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
-from benchmarks.learning.event_runs import event_training, load_played, play_seed
 from benchmarks.learning.plan import Counts, Experiment, counts_of, is_minor, plan
 from benchmarks.learning.real_balls import real_balls_section, real_experiments, seen_people
 from benchmarks.learning.report import replace_section, write_learning_report
 from benchmarks.learning.runs import (
     Results,
     SeedResult,
+    event_training,
+    load_played,
     load_results,
     missing_seeds,
+    play_seed,
     train_missing,
     values_at_end,
 )
@@ -26,7 +28,7 @@ from benchmarks.machine import describe_machine
 from core.errors import ConfigError
 from core.jobs import ALONE, HERE, JobBackend, open_jobs
 from core.learning.runs.summary import rounded_number, spread_of
-from core.learning.task.recorded_balls import ball_state_files
+from core.learning.task.environment import ball_state_files
 
 Progress = Callable[[float], None]
 

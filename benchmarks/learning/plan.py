@@ -13,7 +13,6 @@ from core.learning.config import (
     DdpgConfig,
     EnvironmentConfig,
     ExplorationConfig,
-    GoalConfig,
     LandingModelConfig,
     ReplayRule,
     RewardConfig,
@@ -28,7 +27,7 @@ Exploration = Literal["default", "matched"]
 EXPLORATIONS: tuple[Exploration, ...] = ("default", "matched")
 RIVALS: tuple[AgentName, ...] = ("ppo", "a2c", "trpo", "td3", "sac")
 REWARDS: tuple[RewardKind, ...] = ("simple", "case", "cdta")
-MINOR = ("variant", "beta", "tried", "model-hard-9", "model-shaky", "model-biased", "model-privileged")
+MINOR = ("model-hard-9", "model-shaky", "model-biased", "model-privileged")
 MINOR += ("model-climb-discard", "model-impact", "model-flight", "model-predicted", "model-hard-noisy-climb")
 RULES: tuple[ReplayRule, ...] = ("threshold", "discard", "retain")
 SLOW = DdpgConfig(updates_per_episode=2, actor_rate=1e-3, critic_rate=1e-3)
@@ -37,8 +36,6 @@ IMPACT = LandingModelConfig(head="impact", critic_rate=3e-4, actor_rate=3e-3, fi
 """What the model is told of physics leaves it little to learn, and noise less to spoil: a slow critic."""
 PROCESS = LandingModelConfig(head="process")
 REFLECTION = LandingModelConfig(head="reflection")
-TRUE_STATE = "the true state"
-"""How a policy that learned from noisy states does without noise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,11 +88,9 @@ def plan(counts: Counts) -> tuple[Experiment, ...]:
         *_rewards("slow-3", stages((3.0,), (600,)), SLOW),
         *_rewards("slow-4", stages((4.0,), (1000,)), SLOW),
         *_replay_rules(),
-        *_in_time(),
         *_landing_model(),
-        *_variants(),
+        *_better(),
         *_rivals(),
-        *_tried(),
     ]
     return tuple(_scaled(experiment, counts) for experiment in wanted)
 
@@ -121,25 +116,6 @@ def _replay_rules() -> list[Experiment]:
     steps = (800, 900)
     found = [Experiment(f"replay-{rule}", paper(stages((3.0, 5.0), steps, rule))) for rule in RULES]
     return [*found, Experiment("replay-scratch", paper(stages((5.0,), (1700,))))]
-
-
-def _in_time() -> list[Experiment]:
-    """The paper's rows with honest timing: points that err, the bounce detected, decided before the ball is there."""
-    environment = EnvironmentConfig(state_source="timed")
-    rows = {
-        "reward-3": stages((3.0,), (600,)),
-        "reward-4": stages((4.0,), (1000,)),
-    }
-    found = [
-        Experiment(f"timed-{name}-{kind}", paper(curriculum, environment=environment, reward=RewardConfig(kind=kind)))
-        for name, curriculum in rows.items()
-        for kind in REWARDS
-    ]
-    ladder = [
-        Experiment(f"timed-replay-{rule}", paper(stages((3.0, 5.0), (800, 900), rule), environment=environment))
-        for rule in RULES
-    ]
-    return [*found, *ladder]
 
 
 def _landing_model() -> list[Experiment]:
@@ -173,7 +149,6 @@ def _landing_model() -> list[Experiment]:
         model("impact-hard-noisy-5", stages((5.0,), (200,)), noisy_hard, landing_model=IMPACT),
         model("impact-hard-noisy-9", stages((9.0,), (200,)), noisy_hard, landing_model=IMPACT),
         model("process-5", stages((5.0,), (300,)), landing_model=PROCESS),
-        model("process-40", stages((5.0,), (40,)), landing_model=PROCESS),
         model("process-hard-noisy-5", stages((5.0,), (200,)), noisy_hard, landing_model=PROCESS),
         model("process-hard-noisy-9", stages((9.0,), (200,)), noisy_hard, landing_model=PROCESS),
         model("reflection-5", stages((5.0,), (300,)), landing_model=REFLECTION),
@@ -185,28 +160,17 @@ def _landing_model() -> list[Experiment]:
     ]
 
 
-def _variants() -> list[Experiment]:
-    """What the paper leaves open, or writes otherwise, and what improves its agent."""
-    climb = stages((3.0, 5.0), (800, 900))
-    fixed = EnvironmentConfig(goal=GoalConfig(kind="fixed"))
-    truth = EnvironmentConfig(state_source="truth")
+def _better() -> list[Experiment]:
+    """The paper's agent with what improves it."""
     better = DdpgConfig(updates_per_episode=16, relabels=3, batch=32, actor_rate=1e-3, critic_rate=2e-3)
-    whole = stages((3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0), (600,) + (300,) * 6)
-    four, accuracy = stages((4.0,), (1000,)), RewardConfig(kind="case", case_weight=0.0)
-    many = {"reward": accuracy, "environment": truth, "exploration": ExplorationConfig(random_episodes=30)}
-    found = {
-        "variant-bootstrap": paper(climb, ddpg=DdpgConfig(target="bootstrap")),
-        "variant-fixed-target": paper(climb, environment=fixed),
-        "variant-true-state": paper(climb, environment=truth),
-        "variant-climb": paper(whole),
-        "variant-slow": paper(climb, ddpg=SLOW),
-        "variant-equal-rates": paper(climb, ddpg=DdpgConfig(actor_rate=1e-3, critic_rate=1e-3)),
-        "variant-simple-accuracy": paper(four, reward=RewardConfig(kind="simple", simple_accuracy=True)),
-        "variant-case-accuracy": paper(four, reward=accuracy),
-        **{f"beta-{beta:g}": paper(four, reward=RewardConfig(beta=beta)) for beta in (0.005, 0.01, 0.05)},
-        "better-300": paper(stages((5.0,), (300,)), ddpg=better, **many),
-    }
-    return [Experiment(name, config) for name, config in found.items()]
+    config = paper(
+        stages((5.0,), (300,)),
+        ddpg=better,
+        reward=RewardConfig(kind="case", case_weight=0.0),
+        environment=EnvironmentConfig(state_source="truth"),
+        exploration=ExplorationConfig(random_episodes=30),
+    )
+    return [Experiment("better-300", config)]
 
 
 def _rivals() -> list[Experiment]:
@@ -222,34 +186,6 @@ def _rivals() -> list[Experiment]:
                 config = dataclasses.replace(default_run(agent), curriculum=curriculum, rival=rival)
                 found[rival_training(name, exploration, agent)] = config
     return [Experiment(name, config) for name, config in found.items()]
-
-
-TRIED_SEED = 100
-"""What was tried for the figure that is missed has seeds of its own, from here on: none is scored that was tuned on."""
-
-
-def _tried() -> list[Experiment]:
-    """What was tried for hard serves at 9 m/s with noise; each also evaluated on the true state of the same serves."""
-    noisy = environment_profile(serves="hard", state_source="truth+noise")
-    exact = environment_profile(serves="hard", state_source="truth")
-    base = dataclasses.replace(
-        default_run("landing-model"), environment=noisy, curriculum=stages((9.0,), (200,)), first_seed=TRIED_SEED
-    )
-    flight, impact = LandingModelConfig(head="flight"), LandingModelConfig(head="impact")
-    changes = {
-        "as-it-stands": LandingModelConfig(),
-        "falling-rates": LandingModelConfig(final_rate=0.1),
-        "flight": flight,
-        "flight-128-units": dataclasses.replace(flight, hidden=128),
-        "flight-batches-of-128": dataclasses.replace(flight, batch=128),
-        "impact": impact,
-        "impact-rates": IMPACT,
-        "process": PROCESS,
-        "reflection": REFLECTION,
-    }
-    found = {name: dataclasses.replace(base, landing_model=model) for name, model in changes.items()}
-    found["40-random"] = dataclasses.replace(base, exploration=ExplorationConfig(random_episodes=40))
-    return [Experiment(f"tried-{name}", config, ((TRUE_STATE, exact),)) for name, config in found.items()]
 
 
 def rival_training(name: str, exploration: Exploration, agent: AgentName) -> str:

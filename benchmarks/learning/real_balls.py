@@ -15,10 +15,18 @@ from typing import Final
 
 import numpy as np
 
-from benchmarks.learning.event_runs import PlayedSeed, PlayedTraining, load_played
 from benchmarks.learning.plan import Counts, Experiment
-from benchmarks.learning.runs import Evaluation, Results, SeedResult, fingerprint, values_at
-from benchmarks.learning.tables import shown
+from benchmarks.learning.runs import (
+    Evaluation,
+    PlayedSeed,
+    PlayedTraining,
+    Results,
+    SeedResult,
+    fingerprint,
+    load_played,
+    shown,
+    values_at,
+)
 from core.chain.control.controller import BuiltInController
 from core.files import read_json, write_json
 from core.learning.config import (
@@ -32,15 +40,12 @@ from core.learning.config import (
     environment_profile,
     spinning_environment,
 )
-from core.learning.evaluation.episode_record import landing_errors_mm
-from core.learning.evaluation.policy_evaluator import PolicyEvaluator, PolicyScore
-from core.learning.evaluation.trivial_policies import oracle_actions
+from core.learning.evaluation.policy_evaluator import PolicyEvaluator, PolicyScore, landing_errors_mm, oracle_actions
 from core.learning.runs.summary import spread_of
-from core.learning.task.environment import ServeBatch
-from core.learning.task.recorded_balls import ball_state_files
+from core.learning.task.environment import ServeBatch, ball_state_files
 from core.physics.episode import strokes_from_actions
 from core.simulation.episodes.closed_form import return_balls
-from core.text.markdown_table import markdown_table
+from core.text import markdown_table
 
 PREFIX: Final = "real-"
 HEADING: Final = "## Real balls"

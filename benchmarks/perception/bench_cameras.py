@@ -1,13 +1,15 @@
-"""3D errors with all cameras of a rig, with each one taken away, and with one that sees something else.
+"""3D errors with all cameras of a rig, with each one taken away, with one that sees something else, and with one alone.
 
 Each serve is simulated once and followed by the chain that `track` runs, with all cameras and with all but one. In the
-rows `wrong NAME` that camera's pixels are replaced, after detection, by those of a point that moves elsewhere.
+rows `wrong NAME` that camera's pixels are replaced, after detection, by those of a point that moves elsewhere. In the
+rows `only NAME` all cameras but that one go blind for 100 ms, 80 ms after the ball came into view.
 """
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -15,13 +17,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.machine import describe_machine
-from benchmarks.partial_rows import report_rows_to
+from benchmarks.machine import describe_machine, report_rows_to
 from core.cameras import Camera, StereoRig, load_calibration
 from core.cameras.presets import CORNERS, camera_preset
-from core.chain import ChainConfig
+from core.chain import ChainConfig, RallyChain
 from core.chain.follow import Track, follow_recording, true_positions
-from core.recordings import BallTruth, open_recording
+from core.detection.window import windows_side_by_side
+from core.events import Events, Window
+from core.recordings import BallTruth, Recording, open_recording
 from core.simulation import LaunchConfig, StereoConfig, simulate_recording
 from core.simulation.scenes.scene import scene_named
 
@@ -38,6 +41,14 @@ SIGMA_PX: Final = 0.2
 """Of the pixels in the rows `wrong`: the refined detector's are about as good."""
 ASTRAY_PX: Final = (3.0, 300.0)
 """So far is the wrong camera's pixel from the ball, log-uniform."""
+SEEN_US: Final = 80_000
+ALONE_US: Final = 100_000
+"""All cameras see the ball for so long, then one alone."""
+ALONE_STEP_MS: Final = 25
+NOISE_HZ: Final = 5.0
+"""Per pixel, in the row `pace`."""
+WARM_UP: Final = 20
+"""First windows that do not count in it."""
 
 
 def run(progress: Callable[[float], None], *, rig: Path | None = None, count: int = SERVES) -> dict[str, object]:
@@ -61,8 +72,10 @@ def run(progress: Callable[[float], None], *, rig: Path | None = None, count: in
         report_rows_to(progress, made, done / total)
         rows += made
     wrong = [measure_wrong(cameras, name) for name in cameras]
-    report_rows_to(progress, wrong, 1.0)
-    return {"rows": rows + wrong, "machine": describe_machine("numba", "numpy", clock="no times are measured")}
+    alone = measure_alone(cameras, [FIRST_SEED + 90_000 + number for number in range(len(SPEEDS_MPS) * count)])
+    report_rows_to(progress, wrong + alone, 1.0)
+    machine = describe_machine("numba", "numpy", clock="only the pace: CPU time of this process")
+    return {"rows": rows + wrong + alone, "pace": measure_pace(cameras), "machine": machine}
 
 
 def measure_wrong(cameras: dict[str, Camera], wrong: str, points: int = WRONG_POINTS, seed: int = FIRST_SEED) -> Row:
@@ -85,6 +98,94 @@ def measure_wrong(cameras: dict[str, Camera], wrong: str, points: int = WRONG_PO
             moved.append(1e3 * float(np.linalg.norm(found.p_world_m - right.p_world_m)))
             left_out += wrong not in found.cameras
     return _row("points alone", f"wrong {wrong}", np.array(moved), points) | {"left_out": left_out / points}
+
+
+def measure_alone(cameras: dict[str, Camera], seeds: Sequence[int]) -> list[Row]:
+    """Errors of the points of one camera that carries a flight on, and their normalised squared error (1 is ideal)."""
+    found: dict[tuple[str, int], list[tuple[float, float]]] = {}
+    for seed in seeds:
+        serve = replace(LaunchConfig(), speed_mps=SPEEDS_MPS[seed % len(SPEEDS_MPS)])
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "serve.h5"
+            simulate_recording(path, StereoConfig(), cameras, [serve], seed=seed)
+            with open_recording(path) as recording:
+                for name in cameras:
+                    for age_ms, error_m, covariance_m2 in _alone(recording, cameras, name):
+                        squared = float(error_m @ np.linalg.solve(covariance_m2, error_m)) / 3
+                        step = min(int(age_ms), ALONE_US // 1000 - 1) // ALONE_STEP_MS
+                        row = found.setdefault((name, step), [])
+                        row.append((1e3 * float(np.linalg.norm(error_m)), squared))
+    rows = []
+    for (name, step), values in sorted(found.items()):
+        errors_mm, squared = np.array(values).T
+        row = _row("ball", f"only {name}", errors_mm, len(values))
+        rows.append(row | {"after_ms": ALONE_STEP_MS * step, "nes": round(float(squared.mean()), 2)})
+    return rows
+
+
+def _alone(recording: Recording, cameras: dict[str, Camera], name: str) -> Iterator[tuple[float, Array, Array]]:
+    """Age in ms, error (3,) and covariance (3, 3) in m of each point of the camera after the others went blind."""
+    assert recording.ball is not None
+    chain, blind_us = RallyChain(cameras), None
+    for windows in windows_side_by_side(recording.cameras, 0, recording.duration_us, WINDOW_US):
+        start_us = next(iter(windows.values())).start_us
+        if blind_us is not None and start_us >= blind_us + ALONE_US:
+            return
+        if blind_us is not None and start_us >= blind_us:
+            windows = {
+                one: window
+                if one == name
+                else Window(Events.empty(cameras[one].sensor), window.start_us, window.end_us)
+                for one, window in windows.items()
+            }
+        point = chain.step(windows).point
+        if point is None:
+            continue
+        if blind_us is None:
+            blind_us = point.t_us + SEEN_US
+        elif start_us >= blind_us and len(point.uvs_px) == 1:
+            error_m = point.p_world_m - true_positions(recording.ball, point.t_us)[0]
+            if np.isfinite(error_m).all():
+                yield 1e-3 * (point.t_us - blind_us), error_m, point.covariance_m2
+
+
+def measure_pace(cameras: dict[str, Camera], noise_hz: float = NOISE_HZ, seed: int = FIRST_SEED) -> Row:
+    """CPU time of the chain for a millisecond of all cameras: a serve, and so many random events per pixel and second.
+
+    Of the whole process; the cameras' detectors could share it between cores.
+    """
+    rng, steps_ms, events = np.random.default_rng(seed), [], 0
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "serve.h5"
+        simulate_recording(path, StereoConfig(), cameras, [LaunchConfig()], seed=seed)
+        with open_recording(path) as recording:
+            chain = RallyChain(cameras)
+            for windows in windows_side_by_side(recording.cameras, 0, recording.duration_us, WINDOW_US):
+                noisy = {name: _with_noise(window, noise_hz, rng) for name, window in windows.items()}
+                events += sum(len(window.events) for window in noisy.values())
+                started_s = time.process_time()
+                chain.step(noisy)
+                steps_ms.append(1e3 * (time.process_time() - started_s) * 1000 / WINDOW_US)
+    p50, p95 = np.percentile(steps_ms[WARM_UP:], [50, 95])
+    return {
+        "cameras": len(cameras),
+        "noise_hz": noise_hz,
+        "events_per_window": round(events / len(steps_ms)),
+        "cpu_ms_per_ms": round(float(np.mean(steps_ms[WARM_UP:])), 3),
+        "p50": round(float(p50), 3),
+        "p95": round(float(p95), 3),
+    }
+
+
+def _with_noise(window: Window, noise_hz: float, rng: np.random.Generator) -> Window:
+    events, sensor = window.events, window.events.sensor
+    length_us = window.end_us - window.start_us
+    count = rng.poisson(noise_hz * 1e-6 * length_us * sensor.width_px * sensor.height_px)
+    t_us = np.concatenate([events.t_us, rng.integers(window.start_us, window.end_us, count)])
+    x_px = np.concatenate([events.x_px, rng.integers(0, sensor.width_px, count, dtype=np.uint16)])
+    y_px = np.concatenate([events.y_px, rng.integers(0, sensor.height_px, count, dtype=np.uint16)])
+    on, order = np.concatenate([events.on, rng.random(count) < 0.5]), np.argsort(t_us, kind="stable")
+    return replace(window, events=Events.from_columns(t_us[order], x_px[order], y_px[order], on[order], sensor))
 
 
 def _tracks(

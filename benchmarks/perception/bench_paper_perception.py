@@ -14,22 +14,25 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks.machine import describe_machine
-from benchmarks.perception import plan
-from benchmarks.perception.comparisons import compare
-from benchmarks.perception.measure import load_recording, measure_method, read_recording
-from benchmarks.perception.measure_frames import METHOD as FRAME_METHOD
-from benchmarks.perception.measure_frames import measure_frames, weights_stamp
-from benchmarks.perception.page import html_page, markdown_page
-from benchmarks.perception.pictures import draw_windows
+from benchmarks.perception.comparisons import FIGURES, SeedRun, compare, estimate
+from benchmarks.perception.measure import METHOD as FRAME_METHOD
+from benchmarks.perception.measure import load_recording, measure_frames, measure_method, read_recording, weights_stamp
+from benchmarks.perception.page import draw_windows, html_page, markdown_page, report_sections
 from benchmarks.perception.results import (
+    FIRST_SEED,
+    METHODS,
+    ROWS,
     PerceptionResult,
     RecordingReading,
+    frame_result_path,
     keep,
     kept_reading,
     kept_result,
+    reading_path,
+    result_path,
+    seed_plan,
+    set_folder,
 )
-from benchmarks.perception.sections import report_sections
-from benchmarks.perception.summary import FIGURES, SeedRun, estimate
 from core.data_sets import DataSetPlan, PlannedRecording, run_data_set
 from core.files import replace_file
 from core.jobs import ALONE, HERE, JobBackend, TaskControl, open_jobs
@@ -53,14 +56,14 @@ def run(
     """A row per method and the intervals of its figures, the comparisons, the report's two pages, and the machine."""
     runs: list[SeedRun] = []
     for number in range(count):
-        seed = plan.FIRST_SEED + number
+        seed = FIRST_SEED + number
 
         def seed_progress(share: float, number: int = number) -> None:
             progress((number + share) / count)
 
-        planned = plan.seed_plan(seed)
+        planned = seed_plan(seed)
         runs.append(run_seed(planned, folder, seed_progress, with_recordings=number == 0, engine=engine))
-    pictures = draw_windows(runs[0], plan.set_folder(folder, runs[0].seed))
+    pictures = draw_windows(runs[0], set_folder(folder, runs[0].seed))
     machine = describe_machine("numba", "opencv-python-headless", clock="processor time of one thread, warm")
     sections = report_sections(runs, machine)
     page = report.with_suffix(".html")
@@ -68,8 +71,8 @@ def run(
     replace_file(page, html_page(sections, pictures).encode(), durable=False)
     replace_file(report.parent / "images" / PICTURE, pictures[len(pictures) // 2].png, durable=False)
     return {
-        "rows": [_row(runs, method) for method in plan.ROWS],
-        "intervals": {method: _intervals(runs, method) for method in plan.ROWS},
+        "rows": [_row(runs, method) for method in ROWS],
+        "intervals": {method: _intervals(runs, method) for method in ROWS},
         "comparisons": [asdict(one) for one in compare(runs)],
         "seeds": [one.seed for one in runs],
         "report": str(report),
@@ -90,7 +93,7 @@ def run_seed(
     base = 0.0
     if missing or with_recordings:
         base = 0.0 if _are_there(planned, folder) else MAKING_SHARE
-        there = plan.set_folder(folder, planned.seed)
+        there = set_folder(folder, planned.seed)
         run_data_set(planned, there, engine=engine, progress=lambda share: progress(base * share))
     if missing:  # a folder in which everything is kept is only read
         with open_jobs(ALONE if engine == HERE else engine, len(missing)) as jobs:
@@ -100,7 +103,7 @@ def run_seed(
     results: list[PerceptionResult] = []
     readings: list[RecordingReading] = []
     for one in planned.recordings:
-        reading = kept_reading(plan.reading_path(folder, planned.seed, one.name))
+        reading = kept_reading(reading_path(folder, planned.seed, one.name))
         found = [kept_result(path) for path in _result_paths(folder, planned.seed, one.name)]
         assert reading is not None
         readings.append(reading)
@@ -126,32 +129,32 @@ def _name(planned: PlannedRecording) -> str:
 
 def measure_recording(planned: PlannedRecording, folder: Path, seed: int) -> None:
     """Measure and keep what is not kept yet."""
-    with open_recording(plan.set_folder(folder, seed) / f"{planned.name}.h5") as file:
+    with open_recording(set_folder(folder, seed) / f"{planned.name}.h5") as file:
         recording = load_recording(file, scene=planned.scene, seed=seed, name=planned.name)
-        for method in plan.METHODS:
-            path = plan.result_path(folder, seed, planned.name, method)
+        for method in METHODS:
+            path = result_path(folder, seed, planned.name, method)
             if kept_result(path) is None:
                 keep(path, measure_method(recording, method))
         path = _frame_path(folder, seed, planned.name)
         if path is not None and kept_result(path) is None and (result := measure_frames(recording)) is not None:
             keep(path, result)
-        path = plan.reading_path(folder, seed, planned.name)
+        path = reading_path(folder, seed, planned.name)
         if kept_reading(path) is None:
             keep(path, read_recording(recording))
 
 
 def _is_measured(folder: Path, seed: int, planned: PlannedRecording) -> bool:
-    if kept_reading(plan.reading_path(folder, seed, planned.name)) is None:
+    if kept_reading(reading_path(folder, seed, planned.name)) is None:
         return False
     paths = _result_paths(folder, seed, planned.name)
     if planned.making.frames is None:  # then the frame detector has nothing to say
-        paths = paths[: len(plan.METHODS)]
+        paths = paths[: len(METHODS)]
     return all(kept_result(path) is not None for path in paths)
 
 
 def _result_paths(folder: Path, seed: int, recording: str) -> list[Path]:
     """Result paths of every method; the frame detector's is last, if it has weights."""
-    paths = [plan.result_path(folder, seed, recording, method) for method in plan.METHODS]
+    paths = [result_path(folder, seed, recording, method) for method in METHODS]
     frames = _frame_path(folder, seed, recording)
     return paths if frames is None else [*paths, frames]
 
@@ -159,11 +162,11 @@ def _result_paths(folder: Path, seed: int, recording: str) -> list[Path]:
 def _frame_path(folder: Path, seed: int, recording: str) -> Path | None:
     """None without weights: the rows are empty then, and the report says why."""
     stamp = weights_stamp()
-    return None if stamp is None else plan.frame_result_path(folder, seed, recording, FRAME_METHOD, stamp)
+    return None if stamp is None else frame_result_path(folder, seed, recording, FRAME_METHOD, stamp)
 
 
 def _are_there(planned: DataSetPlan, folder: Path) -> bool:
-    there = plan.set_folder(folder, planned.seed)
+    there = set_folder(folder, planned.seed)
     return all((there / f"{one.name}.h5").is_file() for one in planned.recordings)
 
 

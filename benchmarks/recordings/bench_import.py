@@ -20,13 +20,12 @@ import numpy as np
 from faery import evt
 from numpy.typing import NDArray
 
-from benchmarks.machine import describe_machine
-from benchmarks.partial_rows import report_rows_to
+from benchmarks.machine import describe_machine, report_rows_to
 from core.events import SensorSize
 from core.recordings import open_recording
 from core.recordings.sources import open_sources
 from core.recordings.sources.source import DecodeReport
-from core.text.json_text import parse_json
+from core.text import parse_json
 
 SENSOR: Final = SensorSize(1280, 720)
 RATE_PER_US: Final = 5

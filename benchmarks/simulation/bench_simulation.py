@@ -16,17 +16,14 @@ from typing import Final
 
 import numpy as np
 
-from benchmarks.machine import describe_machine
-from benchmarks.partial_rows import report_rows_to, within
+from benchmarks.machine import describe_machine, report_rows_to, within
 from core.cameras import stereo_preset
 from core.cameras.presets import SENSOR_720, SENSOR_1280
 from core.events import SensorSize
 from core.simulation.bodies import MovingBodies, make_actors
 from core.simulation.bodies.rally_flight import draw_flights
-from core.simulation.event_cameras.event_camera import BLOCK_US, EventCamera
-from core.simulation.event_cameras.stereo import StereoConfig, simulate_stereo
-from core.simulation.flights.flight_series import FlightSeries
-from core.simulation.flights.serve import LaunchConfig
+from core.simulation.event_cameras.event_camera import BLOCK_US, EventCamera, StereoConfig, simulate_stereo
+from core.simulation.flights import FlightSeries, LaunchConfig
 from core.simulation.scenes.scene import scene_named
 from core.simulation.sensor.sensor import SensorConfig
 

@@ -7,7 +7,6 @@ All count pixels from the centre of the top left one, as we do. Nothing in a fil
 
 from __future__ import annotations
 
-import codecs
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -48,7 +47,7 @@ from core.cameras.plausible import check_lenses, odd_lenses, odd_poses
 from core.cameras.units import Unit, check_board_unit, check_lengths, in_metres
 from core.errors import CalibrationError
 from core.files import replace_file
-from core.text.toml_text import parse_toml
+from core.text import decode_text, parse_toml
 
 FORMAT: Final = "rallyscope-calibration"
 VERSION: Final = 1
@@ -56,8 +55,6 @@ LARGEST_FILE_BYTES: Final = 1 << 20
 """A calibration is a few kilobytes; this keeps a video given by mistake out of the parser."""
 YAML_ERRORS: Final = (yaml.YAMLError, ValueError, LookupError, AttributeError, TypeError, RecursionError)
 """What PyYAML raises over text that is no YAML."""
-MARKS: Final = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
-"""Byte-order marks, as editors of Windows write them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,7 +93,7 @@ def read_calibration_file(path: Path, *, unit: Unit = "m", model: LensModel | No
     check_lenses(cameras, path)
     cameras = in_metres(cameras, unit)
     check_lengths(cameras, path)
-    own_world = tree.values.get("format") != FORMAT and "T_world_camera" not in tree.values
+    own_world = tree.values.get("format") != FORMAT and not {"T_world_camera", "T_WO"} & tree.values.keys()
     notes += [*odd_lenses(cameras), *odd_poses(cameras, own_world=own_world)]
     return CalibrationFile(cameras, tuple(notes))
 
@@ -161,13 +158,10 @@ def _read_text(path: Path) -> str:
         content = path.read_bytes()
     except OSError as error:
         raise CalibrationError("cannot read the calibration", got=error.strerror, where=path) from error
-    encoding = next((name for mark, name in MARKS if content.startswith(mark)), "utf-8")
     try:
-        return content.decode(encoding)
+        return decode_text(content)
     except UnicodeDecodeError as error:
-        if encoding != "utf-8" or re.search(rb"[\x00-\x08\x0e-\x1f]", content):
-            raise CalibrationError("not a text file", expected="TOML or YAML", where=path) from error
-        return content.decode("latin-1")  # a comment of an old editor; numbers and names are the same in all
+        raise CalibrationError("not a text file", expected="TOML or YAML", where=path) from error
 
 
 def _parse_toml(text: str, path: Path) -> CalibrationNode:

@@ -25,6 +25,14 @@ class RigArrays(NamedTuple):
     Rs: Array
 
 
+class CameraArrays(NamedTuple):
+    """One camera of a rig: lens, centre (3,) in the world, rotation (3, 3) whose columns are its axes in the world."""
+
+    lens: Array
+    centre: Array
+    R: Array
+
+
 class Equations(NamedTuple):
     """One Gauss-Newton step: (3, 3), (3,), and the covariance (3, 3) of the gradient by the pixels' noise."""
 

@@ -103,7 +103,9 @@ def odd_poses(cameras: Mapping[str, Camera], *, own_world: bool) -> list[str]:
         notes += _turned_away(cameras)
     for (first, a), (second, b) in combinations(cameras.items(), 2):
         apart_m = float(np.linalg.norm(a.position_world_m - b.position_world_m))
-        if apart_m and not LIKELY_M[0] <= apart_m <= LIKELY_M[1]:
+        if not apart_m:
+            notes.append(f"{first} and {second} stand at the same place: no point can be placed in space by them")
+        elif not LIKELY_M[0] <= apart_m <= LIKELY_M[1]:
             notes.append(f"{first} and {second} are {apart_m:.3g} m apart: if that is wrong, see --calibration-unit")
     if {"left", "right"} <= set(cameras):
         x, y, z = cameras["left"].to_camera(cameras["right"].position_world_m)[0]

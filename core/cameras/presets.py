@@ -28,6 +28,8 @@ PLACEMENTS: Final[dict[str, tuple[tuple[float, float, float], tuple[float, float
 """Position of the left camera (+y) and the point it looks at, metres; the right camera is its mirror image."""
 CORNERS: Final = "corners"
 """A rig of four: a pair behind the robot's corners of the table, and one behind the opponent's."""
+PRESETS: Final = (*PLACEMENTS, CORNERS)
+"""Names of all presets."""
 _CORNER_PAIRS: Final = {"near": (-1.9, 1.7, 1.4), "far": (1.5, 1.8, 1.5)}
 """Position of the left camera of each pair; all look at the robot's half."""
 _CORNERS_LOOK_AT: Final = (-0.3, 0.0, 0.1)

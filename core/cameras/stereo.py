@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.cameras.camera import Camera
-from core.cameras.many_views_kernel import RigArrays, refine_rows
+from core.cameras.many_views_kernel import CameraArrays, RigArrays, refine_rows
 from core.cameras.stereo_kernel import triangulate_rows
 from core.config import check_settings, setting
 from core.errors import CalibrationError
@@ -90,6 +90,11 @@ class StereoRig:
             raise CalibrationError("the cameras stand in one place: no depth", got=self._centres[0].round(4).tolist())
         self._Rs = np.array([view.T_world_camera[:3, :3] for view in views])
         self._lenses = np.array([view.lens_row() for view in views])
+
+    def camera_arrays(self, name: str) -> CameraArrays:
+        """One camera for compiled code."""
+        row = self.names.index(name)
+        return CameraArrays(self._lenses[row], self._centres[row], self._Rs[row])
 
     def triangulate(self, uvs_px: ArrayLike, covariances_px2: ArrayLike | None = None) -> TriangulatedPoints:
         """The points of simultaneous pixels (N, C, 2), C in the order of `names`; nan: not seen by that camera.

@@ -21,8 +21,10 @@ Array = NDArray[np.float64]
 HIGHEST_M: Final = 0.5
 """Of the volume above the table: as high as most balls fly."""
 FEWEST_PLACES: Final = 20
-MAX_CAMERAS: Final = 4
-"""Pairs among the first so many are looked at: six pairs."""
+OTHERS_FIT: Final = 0.5
+"""A camera is named if the pairs without it fit, and have drifted by less than such a share of the worst (choice)."""
+MAX_CAMERAS: Final = 8
+"""Pairs among the first so many are looked at: 28 pairs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,6 +67,8 @@ class DriftReport:
     drift: EpipolarDrift | None = None
     """None as long as nothing is said."""
     alarm: bool = False
+    camera: str | None = None
+    """Of three cameras or more the one that was moved: all pairs without it fit. None if that is not so of one only."""
 
 
 class CalibrationDrift:
@@ -108,8 +112,10 @@ class CalibrationDrift:
             return DriftReport(most, self.config.points_at_least, alarm=self.report.alarm)
         pair, worst = max(found.items(), key=lambda item: self._surely_px(item[1]))
         goes_on = self.report.alarm and self._drift_px(worst, 0.0) > self.config.over_px
-        alarm = goes_on or self._surely_px(worst) > self.config.alarm_px
-        return DriftReport(len(self._pairs[pair].rows), self.config.points_at_least, pair, worst, alarm)
+        surely_px = {two: max(self._surely_px(drift), 0.0) for two, drift in found.items()}
+        camera, camera_px = _moved_camera(surely_px, self.config.over_px)
+        alarm = goes_on or max(surely_px[pair], camera_px) > self.config.alarm_px
+        return DriftReport(len(self._pairs[pair].rows), self.config.points_at_least, pair, worst, alarm, camera)
 
     def _surely_px(self, drift: EpipolarDrift) -> float:
         return self._drift_px(drift, self.config.sure_sigmas)
@@ -120,6 +126,23 @@ class CalibrationDrift:
             return here_px
         there_px = drift.elsewhere_px - less_sigmas * drift.elsewhere_sigma_px
         return here_px + self.config.volume_share * (there_px - here_px)
+
+
+def _moved_camera(drifts_px: Mapping[tuple[str, str], float], fits_px: float) -> tuple[str | None, float]:
+    """The camera whose pairs alone have drifted, and by how much its picture is off, in any direction.
+
+    A shift of a picture is seen by a pair only across its epipolar lines: in the mean of all directions, half of its
+    square. (None, 0) if the pairs without a camera fit badly too, are unknown, or fit without several cameras.
+    """
+    names = {name for pair in drifts_px for name in pair}
+    limit_px = min(fits_px, OTHERS_FIT * max(drifts_px.values()))
+    moved: list[tuple[str, float]] = []
+    for name in names:
+        others = [px for pair, px in drifts_px.items() if name not in pair]
+        own = [px for pair, px in drifts_px.items() if name in pair]
+        if others and len(own) > 1 and max(others) < limit_px:
+            moved.append((name, float(np.sqrt(2.0 * np.mean(np.square(own))))))
+    return moved[0] if len(moved) == 1 else (None, 0.0)
 
 
 def _volume(first: Camera, second: Camera) -> Array | None:

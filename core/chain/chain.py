@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from core.cameras import Camera, StereoRig, TriangulatedPoint
 from core.chain.config import ChainConfig
+from core.chain.single_view import BallPoint, SingleView
 from core.chain.size_check import SizeCheck
 from core.chain.time_alignment import AlignedPixels, TimeAligner
 from core.chain.track_gating import TrackGate, Verdict
@@ -23,20 +24,6 @@ from core.errors import RecordingError
 from core.events import Window
 from core.trajectory import FilterPredictor, Prediction
 from core.trajectory.learned_constants import LearnedConstants
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class BallPoint:
-    """The ball in space."""
-
-    t_us: int
-    """When: the cameras' common time."""
-    p_world_m: NDArray[np.float64]
-    residual_px: float
-    covariance_m2: NDArray[np.float64]
-    """(3, 3), from pixel noise."""
-    uvs_px: dict[str, tuple[float, float]]
-    """The pixels it was made of, by camera, at `t_us`: of every camera that sees the ball where the others do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +81,10 @@ class RallyChain:
         self._size = SizeCheck(dict(cameras), self.rig, self.config.size) if checked else None
         self._gate = TrackGate(self.config.flight)
         self._predictor = self.config.make_predictor()
+        enough = len(cameras) >= self.config.single_view.least_cameras
+        self._single: SingleView | None = None
+        if enough and isinstance(self._predictor, FilterPredictor):
+            self._single = SingleView(cameras, self.rig, self.config, self._predictor, self._size)
 
     def reset(self) -> None:
         """Forget everything: the regions of interest too, and what was learnt of air and table."""
@@ -115,6 +106,8 @@ class RallyChain:
         """Expect a new ball; the detectors go on as they are, and what was learnt of air and table is kept."""
         self._gate.reset()
         self._predictor.reset()
+        if self._single is not None:
+            self._single.reset()
 
     def track_states(self) -> dict[str, TrackState]:
         """What each detector remembers now: with it the readable pipeline can show the next window's stages."""
@@ -135,6 +128,10 @@ class RallyChain:
         detected = time.perf_counter()
         point, pixels = self._triangulate(detections, windows)
         triangulated = time.perf_counter()
+        lone = self._common_time.take_lone()
+        if self._single is not None:
+            alone = self._single.follow(lone)
+            point = point or alone
         verdict = None if point is None else self._gate.judge(point.t_us, point.p_world_m)
         fresh = self._follow(point, verdict)
         seconds = StageSeconds(detected - started, triangulated - detected, time.perf_counter() - triangulated)
@@ -160,6 +157,7 @@ class RallyChain:
         t_us, uvs, covariances = together
         found = self.rig.triangulate_one(uvs, covariances)
         if found is None:
+            self._common_time.put_back()
             return None, together
         if self._size is not None:
             radii = {
@@ -173,6 +171,7 @@ class RallyChain:
             else:
                 self._size.reset()
         if found is None:
+            self._common_time.put_back()
             return None, None
         pixels = {
             name: (float(u), float(v))
@@ -211,4 +210,10 @@ class RallyChain:
             self._predictor.reset()
         if verdict == "struck":
             return None
+        if self._single is not None:
+            if len(point.uvs_px) == 1:  # the predictor has it
+                return self._single.predictor.predict_if_due()
+            self._single.note_several(point.t_us)
+            if point.t_us <= self._single.predictor.newest_us:  # a single camera was ahead
+                return None
         return self._predictor.add(point.t_us, point.p_world_m, point.covariance_m2)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.cameras import Camera
+from core.chain.calibration_drift import CalibrationDrift, DriftReport
 from core.chain.chain import RallyChain
 from core.chain.config import ChainConfig
 from core.detection.window import windows_side_by_side
@@ -38,6 +39,8 @@ class Track:
     """(windows,) wall time of the chain's steps."""
     cameras: tuple[tuple[str, ...], ...] = ()
     """Of each point, the cameras that it is made of."""
+    drift: DriftReport = field(default_factory=DriftReport)
+    """Whether the calibration fits these points."""
 
 
 def calibrated_cameras(recording: Recording) -> dict[str, Camera]:
@@ -70,7 +73,7 @@ def follow_recording(
     """
     cameras = calibrated_cameras(recording)
     chosen = {name: camera for name, camera in cameras.items() if only is None or name in only}
-    chain = RallyChain(chosen, config)
+    chain, drift = RallyChain(chosen, config), CalibrationDrift(chosen)
     streams = {name: recording.cameras[name] for name in chosen}
     side_by_side = windows_side_by_side(streams, 0, recording.duration_us, window_us)
     times: list[int] = []
@@ -80,6 +83,7 @@ def follow_recording(
     seen_by_all = 0
     for number, windows in enumerate(side_by_side):
         state = chain.step(windows)
+        drift.add(state)
         seconds.append(state.seconds.total)
         seen_by_all += all(found is not None for found in state.detections.values())
         if state.point is not None:
@@ -98,6 +102,7 @@ def follow_recording(
         seen_by_all=seen_by_all,
         step_s=np.array(seconds),
         cameras=tuple(used),
+        drift=drift.report,
     )
 
 

@@ -34,6 +34,8 @@ class TimeAligner:
         """Forget all detections."""
         self._last: dict[str, list[Detection]] = {name: [] for name in self._names}
         self._given_us = -1
+        self._waiting: list[tuple[str, Detection]] = []
+        self._taken: list[tuple[str, Detection]] = []
 
     def add(self, detections: Mapping[str, Detection | None]) -> AlignedPixels | None:
         """The pixels of all cameras at a new common time; None without two of them."""
@@ -42,6 +44,7 @@ class TimeAligner:
             return None
         for name, found in new.items():
             self._last[name] = [*self._last[name][-1:], found]
+            self._waiting.append((name, found))
         newest = sorted((track[-1].t_us for track in self._last.values() if track), reverse=True)
         # The latest time that two cameras have reached; a third that fell behind does not hold them up.
         t_us = newest[1] if len(newest) > 1 else self._given_us
@@ -51,7 +54,26 @@ class TimeAligner:
         if np.isfinite(uvs[:, 0]).sum() < 2:
             return None
         self._given_us = t_us
+        read = {name for name, uv in zip(self._names, uvs, strict=True) if np.isfinite(uv[0])}
+        self._taken = [one for one in self._waiting if one[0] in read and one[1].t_us <= t_us]
+        self._waiting = [one for one in self._waiting if one[0] not in read or one[1].t_us > t_us]
         return AlignedPixels(t_us, uvs, np.array([self._covariance(name) for name in self._names]))
+
+    def put_back(self) -> None:
+        """Take the newest common time for none: its detections were not of one ball."""
+        self._waiting, self._taken = [*self._taken, *self._waiting], []
+
+    def take_lone(self) -> list[tuple[str, Detection]]:
+        """Detections that no longer can be brought to one time with another camera's, in order of time; each once."""
+        lone = [one for one in self._waiting if self._is_lone(*one)]
+        self._waiting = [one for one in self._waiting if not self._is_lone(*one)]
+        return sorted(lone, key=lambda one: one[1].t_us)
+
+    def _is_lone(self, name: str, found: Detection) -> bool:
+        """Whether the common time has passed it, two newer ones took its place, or all others fell far behind."""
+        others = max((track[-1].t_us for other, track in self._last.items() if track and other != name), default=0)
+        replaced = all(found is not one for one in self._last[name])
+        return found.t_us <= self._given_us or replaced or found.t_us - others > self._max_lag_us
 
     def replace(self, name: str, found: Detection) -> None:
         """Put a better detection in the place of the camera's newest one."""

@@ -4,8 +4,7 @@ from typing import TYPE_CHECKING
 
 from core.data_sets.card import CARD, MANIFEST, read_manifest
 from core.data_sets.facts import RecordingFacts
-from core.data_sets.plan import DataSetPlan, PlannedRecording, plan_data_set
-from core.data_sets.presets import PRESETS, preset_plan
+from core.data_sets.plan import PRESETS, DataSetPlan, PlannedRecording, plan_data_set, preset_plan
 from core.data_sets.run import DataSetRun, run_data_set
 
 if TYPE_CHECKING:

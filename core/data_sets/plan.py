@@ -7,19 +7,20 @@ import hashlib
 import itertools
 import json
 import uuid
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 
-from core.cameras.presets import PLACEMENTS, SENSOR_720
+from core.cameras.presets import PRESETS as CAMERA_PRESETS
+from core.cameras.presets import SENSOR_720
 from core.config import config_to_mapping
 from core.errors import ConfigError
 from core.events import SensorSize
 from core.physics.config import Profile, physics_profile
 from core.simulation import LaunchConfig, SceneConfig, SensorConfig, scene_named
-from core.simulation.frames.frames import FrameConfig
+from core.simulation.frames import FrameConfig
 
 _NAMESPACE: Final = uuid.UUID("5f6f1d3e-53f4-4f0e-8f5b-0d6a2d1c9a70")
 PAPER_SPEEDS_MPS: Final = (5.0, 6.0, 7.0, 8.0, 9.0)
@@ -74,8 +75,8 @@ class PlannedRecording:
     making: Making = field(default_factory=Making)
 
     def __post_init__(self) -> None:
-        if self.placement not in PLACEMENTS:
-            raise ConfigError(f"no placement {self.placement!r}", expected=f"one of {', '.join(PLACEMENTS)}")
+        if self.placement not in CAMERA_PRESETS:
+            raise ConfigError(f"no placement {self.placement!r}", expected=f"one of {', '.join(CAMERA_PRESETS)}")
         for speed_mps in self.speeds_mps:
             LaunchConfig(speed_mps=speed_mps)
         if self.making.scene_config(self.scene).cast == "rally" and self.making.physics != "paper":
@@ -161,3 +162,53 @@ def recording_seed(seed: int, name: str) -> int:
     """From the data set's seed and the recording's name alone: more recordings, or other jobs, change no other one."""
     named = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little")
     return int(np.random.SeedSequence([seed, named]).generate_state(1, np.uint64)[0] >> np.uint64(1))
+
+
+PAPER7_FRAMES: Final = FrameConfig(rate_hz=30.0, exposure_us=5000)
+PAPER7: Final[tuple[tuple[str, str, tuple[float, ...]], ...]] = (
+    ("ball", "side", (5.0, 6.0, 7.0)),
+    ("ball", "ceiling", (6.0, 7.0, 8.0)),
+    ("ball", "behind", (7.0, 8.0, 9.0)),
+    ("person", "behind", (5.0, 6.0, 7.0)),
+    ("two-persons", "side", (5.0, 6.0, 7.0)),
+    ("two-persons", "behind", (6.0, 7.0, 8.0)),
+    ("rally", "behind", (5.0,)),
+)
+"""Scene, placement and speeds (choice) of what stands for the paper's seven real recordings: three with the ball only,
+four with moving people, the last one a rally of two players (five strokes); several placements of the cameras."""
+
+
+def paper7(seed: int, making: Making) -> DataSetPlan:
+    """`real1` to `real7`, after the recordings of the paper. No robot: the paper names none in them."""
+    recordings = []
+    for number, (scene, placement, speeds_mps) in enumerate(PAPER7, start=1):
+        name = f"real{number}"
+        recordings.append(
+            PlannedRecording(
+                name=name,
+                scene=scene,
+                placement=placement,
+                speeds_mps=speeds_mps,
+                robot=False,
+                seed=recording_seed(seed, name),
+                making=making,
+            )
+        )
+    return DataSetPlan("seven recordings after the paper's real ones", seed, tuple(recordings))
+
+
+PRESETS: Final[dict[str, tuple[Callable[[int, Making], DataSetPlan], FrameConfig]]] = {
+    "paper7": (paper7, PAPER7_FRAMES)
+}
+"""How each preset is planned, and the pictures it takes unless told otherwise."""
+
+
+def preset_plan(name: str, seed: int, making: Making) -> DataSetPlan:
+    """The plan of a preset.
+
+    Raises:
+        ConfigError: if there is no such preset, or it cannot be made this way.
+    """
+    if name not in PRESETS:
+        raise ConfigError(f"no preset {name!r}", expected=f"one of {', '.join(PRESETS)}")
+    return PRESETS[name][0](seed, making)

@@ -26,13 +26,13 @@ from core.live.worlds.world import Block, ClassifiedBall, SimulatedWorld, WorldC
 from core.physics.config import PhysicsConfig
 from core.physics.episode import Serves
 from core.recordings import RecordingWriter
+from core.simulation.episodes.ball_outcome import RallyEvent
 from core.simulation.episodes.closed_form import fly_serves
-from core.simulation.episodes.rally_events import RallyEvent
 from core.simulation.event_cameras.event_camera import BLOCK_US
-from core.simulation.flights.ball_path import BallStates, VisibleRange
-from core.simulation.frames.frames import FrameConfig, FrameTrack
+from core.simulation.flights import BallStates, VisibleRange
+from core.simulation.frames import FrameConfig, FrameTrack
 from core.simulation.recording import SimulatedRecording, frames_mapping, write_frames, write_readout
-from core.simulation.scenes.racket_shape import RacketPoses
+from core.simulation.scenes.racket_view import RacketPoses
 from core.trajectory.prediction import Stage
 
 Array = NDArray[np.float64]

@@ -11,8 +11,14 @@ from pathlib import Path
 from typing import Final
 
 from core.data_sets.card import read_manifest, write_card
-from core.data_sets.facts import RecordingFacts, file_sha256, read_facts
-from core.data_sets.make import make_recording, recording_path, remove_partials
+from core.data_sets.facts import (
+    RecordingFacts,
+    file_sha256,
+    make_recording,
+    read_facts,
+    recording_path,
+    remove_partials,
+)
 from core.data_sets.plan import DataSetPlan, PlannedRecording
 from core.errors import RecordingError
 from core.files import hold

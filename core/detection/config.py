@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from core.config import Sections, normal_sections, open_sections
-from core.detection.detector_registry import DETECTORS, section_name
+from core.detection.detector import DETECTORS, section_name
 from core.detection.ebpp_config import EbppConfig
 from core.detection.fe_fusion_config import FeFusionConfig
 from core.detection.refined_config import RefinedConfig

@@ -1,14 +1,18 @@
-"""Interface of all detectors, and their result."""
+"""Interface of all detectors and their result, and the registry of the event-based ones, ours and those of plugins,
+with their settings.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from core.events import Window
+from core.events import SensorSize, Window
+from core.registry import Registry
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,3 +46,48 @@ class Detector(Protocol):
     def step(self, window: Window) -> Detection | None:
         """The ball in this window, or None. The window may be empty."""
         ...
+
+
+Rgb = tuple[int, int, int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DetectionMethod:
+    """A detector by its name, as `register_detector` describes it."""
+
+    name: str
+    make: Callable[[Any, SensorSize], Detector]
+    """Takes the method's own section of the config, or all of it if `config` is None."""
+    config: type | None
+    """Config class of the method's own section; None for the staged pipeline, which takes all stages."""
+    label: str
+    """One line about it, for help and hints."""
+    colour: Rgb
+    """Colour of its circles and curves where methods are compared."""
+    window_us: int
+    """Length of its windows, unless a config says otherwise."""
+    usual: tuple[str, ...]
+    """Thresholds that automatic tuning searches by default; empty: all of its section."""
+    stages: tuple[str, ...]
+    """Sections of the staged pipeline that it takes; empty for every other method."""
+    decide: Callable[[Any], Any]
+    """Complete a config with the values that the method fixes itself."""
+
+    @property
+    def section(self) -> str:
+        """The name of its own section in a config: `fe-fusion` has [fe_fusion]."""
+        return section_name(self.name)
+
+    @property
+    def sections(self) -> tuple[str, ...]:
+        """The sections of a config that it takes its settings from."""
+        return ("window", *(self.stages or (self.section,)))
+
+
+def section_name(method: str) -> str:
+    """The name of the section of a method."""
+    return method.replace("-", "_")
+
+
+DETECTORS: Final[Registry[DetectionMethod]] = Registry("detector", "rallyscope.detectors")
+"""Every detector that looks at events, by name."""

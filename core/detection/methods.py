@@ -14,12 +14,11 @@ from core.detection.config import (
     DetectorConfig,
     paper_config,
 )
-from core.detection.detector import Detector
-from core.detection.detector_registry import DETECTORS, DetectionMethod, Rgb, section_name
-from core.detection.ebpp.detector import EbppDetector
+from core.detection.detector import DETECTORS, DetectionMethod, Detector, Rgb, section_name
+from core.detection.ebpp import EbppDetector
 from core.detection.ebpp_config import EbppConfig
 from core.detection.fast.detector import FastDetector
-from core.detection.fe_fusion.detector import FeFusionDetector
+from core.detection.fe_fusion import FeFusionDetector
 from core.detection.fe_fusion_config import FeFusionConfig
 from core.detection.refined.detector import RefinedDetector
 from core.detection.refined_config import RefinedConfig

@@ -22,8 +22,7 @@ from core.recordings import BallTruth, Recording
 from core.recordings.reader import FileRecording
 from core.simulation.bodies import MovingBodies, make_actors
 from core.simulation.bodies.rally_flight import draw_flights
-from core.simulation.flights.flight_series import FlightSeries
-from core.simulation.flights.serve import LaunchConfig
+from core.simulation.flights import FlightSeries, LaunchConfig
 from core.simulation.scenes.scene import SCENES, SceneConfig
 
 logger = logging.getLogger(__name__)

@@ -1,7 +1,6 @@
 """Many independent tasks, in processes of this machine or on a Dask cluster, with equal results."""
 
-from core.jobs.backend import ALONE, HERE, JobBackend
 from core.jobs.control import TaskControl, TasksStoppedError
-from core.jobs.jobs import Jobs, open_jobs
+from core.jobs.jobs import ALONE, HERE, JobBackend, Jobs, open_jobs
 
 __all__ = ["ALONE", "HERE", "JobBackend", "Jobs", "TaskControl", "TasksStoppedError", "open_jobs"]

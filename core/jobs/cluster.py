@@ -19,8 +19,7 @@ import dask.config
 from distributed import Client, KilledWorker, Security, WorkerPlugin, get_worker
 
 from core.errors import JobsError
-from core.jobs.control import TasksStoppedError
-from core.jobs.threads import use_one_thread
+from core.jobs.control import TasksStoppedError, use_one_thread
 from core.registry import load_same_plugins, plugin_hashes
 
 PACKAGES: Final = ("numpy", "numba", "distributed")

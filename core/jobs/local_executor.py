@@ -19,8 +19,7 @@ from queue import SimpleQueue
 from typing import Any, Final, TypeVar
 
 from core.files import end_with_parent
-from core.jobs.control import CallbackControl, TaskControl, TaskLostError
-from core.jobs.threads import use_one_thread
+from core.jobs.control import CallbackControl, TaskControl, TaskLostError, use_one_thread
 from core.registry import load_plugin_files
 
 logger = logging.getLogger(__name__)

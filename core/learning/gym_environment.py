@@ -15,9 +15,15 @@ from numpy.typing import NDArray
 
 from core.errors import AgentError
 from core.learning.config import EnvironmentConfig, RacketSpeedRule, RewardConfig
-from core.learning.evaluation.episode_record import landing_errors_mm
-from core.learning.task.environment import ServeBatch, action_size, check_actions, draw_serve_batch
-from core.learning.task.episode_backend import ClosedFormBackend, EpisodeBackend
+from core.learning.evaluation.policy_evaluator import landing_errors_mm
+from core.learning.task.environment import (
+    ClosedFormBackend,
+    EpisodeBackend,
+    ServeBatch,
+    action_size,
+    check_actions,
+    draw_serve_batch,
+)
 from core.learning.task.normalise import STATE_SIZES, normal_observations
 from core.learning.task.reward import episode_rewards, reward_weights
 from core.physics.episode import Case, Outcomes

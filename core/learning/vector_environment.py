@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from core.errors import AgentError, ConfigError
 from core.learning.config import EnvironmentConfig, RacketSpeedRule, RewardConfig
 from core.learning.gym_environment import infos_of, observations_of, rewards_in, spaces_of, task_of
-from core.learning.task.environment import ServeBatch, check_actions, draw_serve_batch, play
-from core.learning.task.episode_backend import ClosedFormBackend
+from core.learning.task.environment import ClosedFormBackend, ServeBatch, check_actions, draw_serve_batch, play
 
 Floats = NDArray[np.float32]
 

@@ -20,14 +20,14 @@ import numpy as np
 from core.cameras import Camera
 from core.devices import CameraDevice, ClockEstimate
 from core.devices.camera_feed import CameraFeed, FeedCounts
-from core.devices.clock_shift import ClockShift
+from core.devices.clock_fit import ClockShift
 from core.errors import DeviceError
 from core.events import Events
 from core.live.link import messages as m
-from core.live.link.listeners import LinkListeners
-from core.live.link.live_source import LinkListener, SourceStatus
+from core.live.link.live_source import LinkListener, LinkListeners, SourceStatus
 from core.live.link.published import camera_batch
 from core.live.session_blocks import state_of_block, welcome_to
+from core.physics.config import PhysicsConfig
 from core.simulation.event_cameras.event_camera import BLOCK_US
 
 logger = logging.getLogger(__name__)
@@ -68,7 +68,6 @@ class CameraSource:
 
     robot = None
     has_outcomes = False
-    physics = None
     behind_s = 0.0
 
     def __init__(
@@ -79,10 +78,12 @@ class CameraSource:
         cable: bool = False,
         longest_us: int = m.LONGEST_US,
         behind_us: int = BEHIND_US,
+        physics: PhysicsConfig | None = None,
     ) -> None:
         """Begin to read the cameras, by their names in the session; the first one's clock is the session's.
 
-        `cable`: a sync cable gives the other cameras the first one's clock.
+        `cable`: a sync cable gives the other cameras the first one's clock. `physics`: of the rally, if known; the
+        built-in controller takes the racket's rubber from it.
 
         Raises:
             DeviceError: if there are none.
@@ -92,6 +93,7 @@ class CameraSource:
         names = " and ".join(f"{device.model.name} {device.serial}" for device in devices.values())
         self.description = f"live from {names}"
         self.state: m.WorldState | None = None
+        self.physics = physics
         self.cable = cable
         self.blocks_skipped = 0
         """Blocks skipped because a listener was too slow."""

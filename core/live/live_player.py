@@ -24,12 +24,10 @@ from core.chain.control.step_test import CommandLatency
 from core.chain.physics import chain_for_physics, expected_physics
 from core.config import check_settings, setting
 from core.errors import ConfigError, LinkError, RallyscopeError
-from core.live.command_sender import CommandSender, QueuedCommand
 from core.live.link import messages as m
 from core.live.link.live_source import LiveSource
-from core.live.live_flight import LiveFlight
-from core.live.live_meter import LiveMeter
-from core.live.live_snapshot import FinishedBall, RallySnapshot
+from core.live.live_flight import CommandSender, LiveFlight, QueuedCommand
+from core.live.live_snapshot import FinishedBall, LiveMeter, RallySnapshot
 from core.live.warm_up import warm_up
 from core.physics.config import PhysicsConfig
 from core.simulation.event_cameras.event_camera import BLOCK_US

@@ -16,10 +16,10 @@ from core.cameras import Camera
 from core.errors import ConfigError, RallyscopeError, RecordingError
 from core.events import Events
 from core.live.link import messages as m
-from core.live.link.listeners import LinkListeners
-from core.live.link.live_source import LinkListener, SourceStatus
+from core.live.link.live_source import LinkListener, LinkListeners, SourceStatus
 from core.live.link.published import camera_batch
 from core.live.session_blocks import state_of_block, welcome_to
+from core.physics.config import PhysicsConfig
 from core.recordings import CameraStream, Recording
 from core.simulation.event_cameras.event_camera import BLOCK_US
 
@@ -35,7 +35,6 @@ class ReplaySource:
 
     robot = None
     has_outcomes = False
-    physics = None
 
     def __init__(
         self,
@@ -46,10 +45,12 @@ class ReplaySource:
         loop: bool = True,
         longest_us: int = m.LONGEST_US,
         clock: Callable[[], float] = time.monotonic,
+        physics: PhysicsConfig | None = None,
     ) -> None:
         """Begin as soon as somebody listens; a session that has come to `longest_us` is followed by another.
 
-        Without `loop` it ends after the last block, and its status is "lost".
+        Without `loop` it ends after the last block, and its status is "lost". `physics`: of the rally, if known; the
+        built-in controller takes the racket's rubber from it.
 
         Raises:
             ConfigError: if the speed is not in SPEEDS.
@@ -62,6 +63,7 @@ class ReplaySource:
             raise RecordingError("an empty recording cannot be replayed", where=name)
         self.description = f"replay of {name}"
         self.state: m.WorldState | None = None
+        self.physics = physics
         self.behind_s = 0.0
         self._recording, self._cameras, self._speed = recording, dict(recording.cameras), speed
         self._loop = loop

@@ -1,14 +1,22 @@
-"""Running a detector over a recording: every window's answer as plain columns."""
+"""Running a detector over a recording: every window's answer as plain columns, the answer of one window, and the
+processor time of every step.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from core.detection import Detection, Detector
+from core.detection import Detection, Detector, DetectorConfig
+from core.detection.methods import Method, make_detector, method_config
 from core.detection.window import windows_between
 from core.events import Window
 from core.recordings import CameraStream
@@ -123,3 +131,89 @@ def answer_windows(
         extra_circles=np.array(extra, np.int32),
         detections=tuple(detections),
     )
+
+
+LEAD_IN_US: Final = 60_000
+"""A method that carries a state finds a ball and locks on in this time: `refined` confirms one within 10 to 40 ms."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WindowAnswer:
+    """A window and its answer."""
+
+    method: Method
+    window: Window
+    detection: Detection | None
+    lead_in_windows: int
+    """Windows processed before it; fewer at the start of a recording."""
+
+    @property
+    def valid_us(self) -> int:
+        """Time at which the answer is valid; the end of the window without one."""
+        return self.detection.t_us if self.detection else self.window.end_us
+
+
+def answer_window(
+    stream: CameraStream, method: Method, config: DetectorConfig, t_us: int, *, lead_in_us: int = LEAD_IN_US
+) -> WindowAnswer:
+    """Run a method over the time before `t_us` and give its answer to the window that ends there.
+
+    At the very start of a recording the window is the first whole one.
+    """
+    window_us = method_config(method, config).window.window_us
+    end_us = max(t_us, window_us)
+    start_us = end_us - window_us
+    lead_in = min(lead_in_us, start_us) // window_us
+    events = stream.slice(start_us - lead_in * window_us, start_us)
+    detector = make_detector(method, stream.sensor, config)
+    for first_us in range(start_us - lead_in * window_us, start_us, window_us):
+        detector.step(Window(events.between(first_us, first_us + window_us), first_us, first_us + window_us))
+    window = Window(stream.slice(start_us, end_us), start_us, end_us)  # a copy, as answers may be cached
+    return WindowAnswer(method, window, detector.step(window), lead_in)
+
+
+_inside_lock = threading.Lock()
+_inside: list[int] = []
+"""OpenCV's previous number of threads, one entry per thread inside `one_opencv_thread`."""
+
+
+class TimedDetector:
+    """A detector that measures this thread's processor time for each window."""
+
+    def __init__(self, detector: Detector) -> None:
+        self._detector = detector
+        self.seconds: list[float] = []
+
+    @property
+    def extra_circles(self) -> int:
+        """Further circles that the detector found."""
+        return self._detector.extra_circles
+
+    def reset(self) -> None:
+        """Reset the detector; the times are kept."""
+        self._detector.reset()
+
+    def step(self, window: Window) -> Detection | None:
+        """Answer of the detector."""
+        began_s = time.thread_time()
+        found = self._detector.step(window)
+        self.seconds.append(time.thread_time() - began_s)
+        return found
+
+
+@contextmanager
+def one_opencv_thread() -> Iterator[None]:
+    """Keep OpenCV to the calling thread: what it computes in threads of its own would not be counted.
+
+    The number is one of the whole process; the last of several threads that are inside puts it back.
+    """
+    with _inside_lock:
+        _inside.append(_inside[0] if _inside else cv2.getNumThreads())
+        cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        with _inside_lock:
+            before = _inside.pop()
+            if not _inside:
+                cv2.setNumThreads(before)

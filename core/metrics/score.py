@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -12,6 +13,15 @@ from core.detection import Detector, DetectorConfig, FastDetector
 from core.errors import RecordingError
 from core.metrics.run import WindowAnswers, run_detector
 from core.recordings import CameraStream, PixelTruth
+
+
+def binomial_interval(share: float, count: int) -> tuple[float, float]:
+    """Wilson's 95 % interval of a share seen in `count` trials."""
+    z = 1.96
+    middle = (share + z * z / (2 * count)) / (1 + z * z / count)
+    half = z * math.sqrt(share * (1 - share) / count + z * z / (4 * count * count)) / (1 + z * z / count)
+    return max(0.0, middle - half), min(1.0, middle + half)
+
 
 MATCH_RADIUS_PX = 8.0
 """A ball counts as found within this distance of the truth, about the radius of a ball in the middle of the table."""

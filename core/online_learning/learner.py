@@ -20,9 +20,8 @@ from core.errors import ConfigError
 from core.learning.agents.policy import Policy
 from core.live.live_snapshot import FinishedBall
 from core.online_learning.controller import ExploringPolicy, LearningController
-from core.online_learning.progress import LearnedBall, LearningProgress
+from core.online_learning.progress import LearnedBall, LearningProgress, landing_error_mm
 from core.online_learning.start import LearningStart
-from core.online_learning.transition import landing_error_mm
 from core.physics import TaskConfig
 
 if TYPE_CHECKING:

@@ -10,19 +10,19 @@ from typing import Final
 import numpy as np
 
 from core.errors import ConfigError
-from core.jobs.threads import one_torch_thread
+from core.jobs.control import one_torch_thread
 from core.learning.agents.agent import Agent, StageProgress
 from core.learning.agents.policy import Policy
 from core.learning.agents.process_agent import ProcessAgent
 from core.learning.agents.reflection_agent import ReflectionAgent
 from core.learning.agents.replay import ReplayBuffer
 from core.learning.config import RunConfig
-from core.learning.runs.checkpoints import BUFFER, pack_arrays, restore_arrays
+from core.learning.runs.run_files import BUFFER, pack_arrays, restore_arrays
 from core.learning.task.environment import action_size
 from core.learning.task.reward import reward_weights
 from core.live.live_snapshot import FinishedBall
+from core.online_learning.progress import transition_of_ball
 from core.online_learning.start import LearningStart, save_as_run
-from core.online_learning.transition import transition_of_ball
 
 MAX_BALLS: Final = 2000
 """Most balls in the buffer; when full, the newer half is kept."""

@@ -2,8 +2,8 @@
 sure that is.
 """
 
+from core.outcomes.ball_log import ServeSeen
 from core.outcomes.classifier import ClassifiedStroke, OutcomeClassifier
 from core.outcomes.config import OutcomeClassifierConfig
-from core.outcomes.serve_seen import ServeSeen
 
 __all__ = ["ClassifiedStroke", "OutcomeClassifier", "OutcomeClassifierConfig", "ServeSeen"]

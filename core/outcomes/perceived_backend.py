@@ -17,11 +17,10 @@ from core.learning.config import EnvironmentConfig
 from core.learning.task.environment import ServeBatch, strokes_of
 from core.learning.task.normalise import STATE_SIZES
 from core.learning.task.perception import state_of
-from core.outcomes.classified_ball import ClassifiedStroke, missed_stroke
-from core.outcomes.classifier import NOT_SEEN_AGAIN, OutcomeClassifier
+from core.outcomes.ball_log import ServeSeen
+from core.outcomes.classifier import NOT_SEEN_AGAIN, ClassifiedStroke, OutcomeClassifier, missed_stroke
 from core.outcomes.config import OutcomeClassifierConfig
 from core.outcomes.environment_backend import EnvironmentBackend, SeenBlock
-from core.outcomes.serve_seen import ServeSeen
 from core.physics.episode import Case, Outcomes
 from core.simulation.episodes.racket import target_for_ball
 from core.trajectory import HitPlane

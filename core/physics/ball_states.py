@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from core.errors import RecordingError
 from core.physics.episode import Serves
-from core.text.json_text import parse_json
+from core.text import parse_json
 
 Array = NDArray[np.float64]
 

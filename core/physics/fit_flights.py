@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -17,12 +18,13 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.sparse import lil_matrix
 
-from core.errors import ConfigError
+from core.errors import ConfigError, RecordingError
 from core.jit import njit
 from core.physics.config import PhysicsConfig, physics_profile
 from core.physics.contact import come_down, over_table
 from core.physics.flight import Air, air_from_config, fly
 from core.physics.impact import Surface, strike, surfaces_from_config
+from core.physics.points_file import PointsFile, read_points_file
 
 Array = NDArray[np.float64]
 
@@ -232,3 +234,28 @@ def _sparsity(flights: Sequence[RecordedFlight]) -> lil_matrix:
         pattern[prior : prior + 3, columns] = 1
         first += count
     return pattern
+
+
+FEWEST = 12
+
+
+def read_flight(path: Path) -> RecordedFlight:
+    """One flight. A tt3d flight is turned into the world frame, and half round if it flies towards +x.
+
+    Raises:
+        RallyscopeError: if it cannot be read, or has too few points.
+    """
+    return read_flight_file(path)[0]
+
+
+def read_flight_file(path: Path) -> tuple[RecordedFlight, PointsFile]:
+    """One flight, and what its file was taken for.
+
+    Raises:
+        RallyscopeError: if it cannot be read, or has too few points.
+    """
+    found = read_points_file(path)
+    if len(found.t_s) < FEWEST:
+        got = len(found.t_s)
+        raise RecordingError("too short a flight", expected=f"{FEWEST} points or more", got=got, where=path)
+    return RecordedFlight(path.stem, found.t_s - found.t_s[0], found.ps_m), found

@@ -7,6 +7,7 @@ The columns Timestamp,X,Y,Z are those of tt3d. Times may count from 1970.
 
 from __future__ import annotations
 
+import bisect
 import csv
 import io
 import math
@@ -19,7 +20,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import RallyscopeError
-from core.physics.points_units import FEWEST, SPEEDS_MPS, Array, Motion, find_units, measure_motion, other_units
+from core.physics.flight_motion import (
+    FEWEST,
+    SPEEDS_MPS,
+    Array,
+    Motion,
+    allowed_odd,
+    find_units,
+    measure_motion,
+    other_units,
+    reachable,
+)
+from core.text import decode_text
 
 COLUMNS = ("t_s", "x_m", "y_m", "z_m")
 TIMES = {"t_s": 1.0, "t_us": 1e-6, "t_ms": 1e-3, "t_ns": 1e-9}
@@ -35,6 +47,11 @@ LARGEST_TIME_S = 1e10
 """Seconds since 1970 are 2e9; milliseconds of that age would be 2e12."""
 LARGEST_PLACE_M = 100.0
 """From the middle of the table: a hall is not larger, and a table of 2.74 m in millimetres is."""
+_FAR_OFF: Final = 10.0
+"""A row at the end or the beginning that is this many times the flight's length away from it is none of the flight."""
+_SEPARATORS: Final = ",;\t|"
+_SEPARATOR_LINE: Final = re.compile(r"(?i)\"?sep=.?\"?")
+_DECIMAL_COMMA: Final = re.compile(r"[-+]?\d*,\d*(?:e[-+]?\d+)?", re.IGNORECASE)
 MOST_MISSING: Final = 0.5
 """Share of the rows without a number: beyond that, the file is not what it seems."""
 SEVERAL_FLIGHTS: Final = 0.2
@@ -90,24 +107,76 @@ def read_points_file(path: Path) -> PointsFile:
         PointsFileError: naming the file and the row, if it cannot be read, a row is wrong, or a unit cannot be right.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = decode_text(path.read_bytes())
     except OSError as error:
         raise PointsFileError("cannot read the points", got=error.strerror, where=path) from error
     except UnicodeDecodeError as error:
-        raise PointsFileError("not a CSV file", got=error, where=path) from error
-    first = text.lstrip("\n\r").partition("\n")[0]
-    separator = next((mark for mark in (",", ";", "\t") if mark in first), ",")
-    try:
-        rows = list(csv.reader(io.StringIO(text, newline=""), delimiter=separator))
-    except csv.Error as error:
-        raise PointsFileError("not a CSV file", got=error, where=path) from error
-    numbered = [(number, cells) for number, cells in enumerate(rows, 1) if any(cell.strip() for cell in cells)]
-    header = [name.strip().lstrip("#").strip().strip('"') for name in numbered[0][1]] if numbered else []
+        raise PointsFileError("not a CSV file", got=error.reason, where=path) from error
+    lines = io.StringIO(text, newline=None).readlines()
+    at, header, separator = _header(lines, path)
     columns = _columns(header, path)
     notes: list[str] = []
-    table, lines = _numbers(numbered[1:], columns, path, separator == ";", notes, len(header))
-    table, lines = _in_order(table, lines, columns, path, notes)
-    return _scaled(table, lines, columns, path, notes)
+    try:
+        cells = [(at + k, row) for k, row in enumerate(_split(lines[at:], separator), 1)]
+    except csv.Error as error:
+        raise PointsFileError("not a CSV file", got=error, where=path) from error
+    cells = [(line, row) for line, row in cells if any(cell.strip() for cell in row) and row[0].lstrip()[:1] != "#"]
+    rows = _numbers(cells, columns, path, notes, len(header))
+    rows = _in_order(_without_stray_times(rows, columns, path, notes), columns, path, notes)
+    return _scaled(rows, columns, path, notes)
+
+
+def _header(lines: list[str], path: Path) -> tuple[int, list[str], str | None]:
+    """Number of the line that names the columns, the names, and what separates them; None for white space.
+
+    That is the first that is no remark, or a remark that names them, as NumPy writes it.
+    """
+    for at, line in enumerate(lines, 1):
+        if not line.strip() or _SEPARATOR_LINE.fullmatch(line.strip()):
+            continue
+        separator = max(_SEPARATORS, key=line.count)
+        found = None if line.count(separator) == 0 else separator
+        row = next(iter(_split([line.lstrip().lstrip("#")], found)), [])
+        header = [name.strip().strip('"') for name in row]
+        while header and not header[-1]:
+            header.pop()
+        if line.lstrip().startswith("#"):
+            try:
+                _columns(header, path)
+            except PointsFileError:
+                continue
+        return at, header, found
+    return len(lines), [], ","
+
+
+def _split(lines: list[str], separator: str | None) -> list[list[str]]:
+    """The cells of each line."""
+    if separator is None:
+        return [line.split() for line in lines]
+    return list(csv.reader(lines, delimiter=separator))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rows:
+    """Rows of a file, of which odd ones are left out."""
+
+    table: Array
+    """(N, 4): time and place, in the units of the file."""
+    lines: NDArray[np.int64]
+    """(N,) lines of the file."""
+
+    def those(self, which: NDArray) -> _Rows:
+        """Some of the rows, by mask or index."""
+        return _Rows(self.table[which], self.lines[which])
+
+
+def _leave_out(odd: int, rows: int, first: PointsFileError, notes: list[str], cause: str = "") -> None:
+    """Note that odd rows are left out; raise the `first` one's error, with the likeliest cause, if there are many."""
+    if odd > allowed_odd(rows):
+        text = f"{odd} of {rows} rows are so" + (f": {cause}" if cause else "")
+        raise first if odd == 1 else PointsFileError(f"{first}; {text}")
+    if odd:
+        notes.append(f"{odd} of {rows} rows left out: {first.what}; {first.details}")
 
 
 def _columns(header: list[str], path: Path) -> _Columns:
@@ -136,39 +205,49 @@ def _columns(header: list[str], path: Path) -> _Columns:
     return _Columns(places, names, unit, None if common[0] is None else metres[common[0]], is_tt3d=False)
 
 
-def _numbers(
-    rows: list[tuple[int, list[str]]], columns: _Columns, path: Path, decimal_commas: bool, notes: list[str], wide: int
-) -> tuple[Array, NDArray[np.int64]]:
-    """The cells as numbers (N, 4), in the units of the file, and the rows of the file (N,) that they stand in."""
+def _numbers(cells: list[tuple[int, list[str]]], columns: _Columns, path: Path, notes: list[str], wide: int) -> _Rows:
+    """The cells as numbers; `wide` is how many a row has. Odd rows and those without a number are left out."""
     table: list[list[float]] = []
     lines: list[int] = []
     missing: list[PointsFileError] = []
-    for line, cells in rows:
+    odd: list[PointsFileError] = []
+    decimal_commas = 0
+    for line, texts in cells:
         where = f"{path}, row {line}"
-        if len(cells) != wide:
-            raise PointsFileError("wrong number of cells", expected=wide, got=len(cells), where=where)
-        texts = [cells[place].strip() for place in columns.places]
-        if decimal_commas:
-            texts = [text.replace(",", ".") for text in texts]
-        numbers = [_number(text, name, where) for text, name in zip(texts, columns.names, strict=True)]
-        absent = next((name for number, name in zip(numbers, columns.names, strict=True) if number is None), None)
-        if absent is not None:
-            got = repr(texts[columns.names.index(absent)][:40])
-            missing.append(
-                PointsFileError(f"{absent} is not a number", expected="a finite number", got=got, where=where)
-            )
+        while len(texts) > wide and not texts[-1].strip():
+            texts.pop()
+        decimal_commas += len(texts) in (2 * wide, 2 * len(columns.places))
+        try:
+            if len(texts) != wide:
+                raise PointsFileError("wrong number of cells", expected=wide, got=len(texts), where=where)
+            numbers = [
+                _number(texts[place].strip(), name, where)
+                for place, name in zip(columns.places, columns.names, strict=True)
+            ]
+        except PointsFileError as error:
+            odd.append(error)
+            continue
+        if None in numbers:
+            absent = numbers.index(None)
+            got, name = repr(texts[columns.places[absent]].strip()[:40]), columns.names[absent]
+            missing.append(PointsFileError(f"{name} is not a number", expected="a finite number", got=got, where=where))
             continue
         table.append([number for number in numbers if number is not None])
         lines.append(line)
-    if missing and len(missing) > MOST_MISSING * len(rows):
+    if odd:
+        cause = (
+            "decimal commas between commas? Separate the columns by semicolons" if 2 * decimal_commas > len(odd) else ""
+        )
+        _leave_out(len(odd), len(cells), odd[0], notes, cause)
+    if missing and len(missing) > MOST_MISSING * len(cells):
         raise missing[0]
     if missing:
         notes.append(
-            f"{len(missing)} of {len(rows)} rows without a number are left out, the first: {missing[0].details}"
+            f"{len(missing)} of {len(cells)} rows without a number are left out, the first: {missing[0].details}"
         )
     if not table:
         raise PointsFileError("there are no points", where=path)
-    return np.array(table, np.float64), np.array(lines)
+    return _Rows(np.array(table, np.float64), np.array(lines))
 
 
 def _number(text: str, column: str, where: str) -> float | None:
@@ -176,7 +255,7 @@ def _number(text: str, column: str, where: str) -> float | None:
     if text.lower() in NO_NUMBER:
         return None
     try:
-        value = float(text)
+        value = float(text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text) else text)
     except ValueError:
         value = math.inf
     if math.isnan(value):
@@ -186,14 +265,60 @@ def _number(text: str, column: str, where: str) -> float | None:
     return value
 
 
-def _in_order(
-    table: Array, lines: NDArray[np.int64], columns: _Columns, path: Path, notes: list[str]
-) -> tuple[Array, NDArray[np.int64]]:
+def _without_stray_times(rows: _Rows, columns: _Columns, path: Path, notes: list[str]) -> _Rows:
+    """The rows without a few whose times are far from those before and after them; all rows if there are more."""
+    t = rows.table[:, 0]
+    most = allowed_odd(len(t))
+    kept = np.ones(len(t), np.bool_)
+    if (np.diff(t) < 0).any():
+        ascending = _longest_ascending(t)
+        whole = float(np.ptp(t[ascending]))
+        strays = np.setdiff1d(np.arange(len(t)), ascending)
+        off = [
+            k
+            for k in strays
+            if min(abs(t[k] - t[j]) for j in (k - 1, k + 1) if 0 <= j < len(t)) > SEVERAL_FLIGHTS * whole
+        ]
+        if len(strays) <= most:
+            kept[off] = False
+    for count in range(1, most + 1):
+        for ends in (slice(None, count), slice(-count, None)):
+            rest = kept.copy()
+            rest[ends] = False
+            between = np.abs(t[ends][:, None] - t[rest]).min(initial=np.inf)
+            if rest.sum() >= FEWEST and between > _FAR_OFF * np.ptp(t[rest]) > 0:
+                kept = rest
+    if not kept.all():
+        at = int(np.flatnonzero(~kept)[0])
+        got, where = f"{t[at]:.15g}", f"{path}, row {rows.lines[at]}"
+        first = PointsFileError(f"{columns.names[0]} is far from the others", got=got, where=where)
+        _leave_out(int(np.sum(~kept)), len(t), first, notes)
+    return rows.those(kept)
+
+
+def _longest_ascending(t: Array) -> NDArray[np.int64]:
+    """Indices of the longest subsequence that never descends."""
+    ends: list[float] = []
+    last: list[int] = []
+    before = np.full(len(t), -1)
+    for k, value in enumerate(t.tolist()):
+        at = bisect.bisect_right(ends, value)
+        before[k] = last[at - 1] if at else -1
+        ends[at : at + 1] = [value]
+        last[at : at + 1] = [k]
+    found = [last[-1]]
+    while before[found[-1]] >= 0:
+        found.append(int(before[found[-1]]))
+    return np.array(found[::-1])
+
+
+def _in_order(rows: _Rows, columns: _Columns, path: Path, notes: list[str]) -> _Rows:
     """Rows by time; some may stand in another place, but not a second flight after the first."""
+    table, lines = rows.table, rows.lines
     steps = np.diff(table[:, 0])
     back = np.flatnonzero(steps < 0)
     if not len(back):
-        return table, lines
+        return rows
     at, whole = int(back[0]), float(np.ptp(table[:, 0]))
     is_mixed = len(back) >= len(steps) / 4 and len(steps) >= FEWEST
     if -steps.min() > SEVERAL_FLIGHTS * whole and not is_mixed:
@@ -204,14 +329,13 @@ def _in_order(
             where=f"{path}, row {lines[at + 1]}",
             remedy="a file holds one flight: write each into a file of its own",
         )
-    order = np.argsort(table[:, 0], kind="stable")
     notes.append(f"the rows were not in the order of {columns.names[0]}, {len(back)} of them step back: sorted")
-    return table[order], lines[order]
+    return rows.those(np.argsort(table[:, 0], kind="stable"))
 
 
-def _scaled(table: Array, lines: NDArray[np.int64], columns: _Columns, path: Path, notes: list[str]) -> PointsFile:
+def _scaled(rows: _Rows, columns: _Columns, path: Path, notes: list[str]) -> PointsFile:
     """In seconds and metres, and checked."""
-    time_s, place_m = columns.time_s, columns.place_m
+    table, time_s, place_m = rows.table, columns.time_s, columns.place_m
     if time_s is None or place_m is None:
         found = find_units(table, time_s, place_m)
         if len(found) != 1:
@@ -226,8 +350,9 @@ def _scaled(table: Array, lines: NDArray[np.int64], columns: _Columns, path: Pat
         notes.append(
             f"the names of the columns do not say all units; {found[0]}: only so the points fly as a ball does"
         )
-    t_s, ps_m = time_s * table[:, 0], place_m * table[:, 1:]
-    _check_range(table, t_s, ps_m, lines, columns, path)
+    rows = _within_range(rows, time_s, place_m, columns, path, notes)
+    rows = _without_unreachable(rows, time_s, place_m, columns, path, notes)
+    t_s, ps_m = time_s * rows.table[:, 0], place_m * rows.table[:, 1:]
     motion = measure_motion(t_s, ps_m)
     remedy = other_units(t_s, ps_m) if motion is not None and not motion.is_a_flight else ""
     if motion is not None and (motion.speed_mps > SPEEDS_MPS[1] or "multiplied" in remedy):
@@ -239,7 +364,8 @@ def _scaled(table: Array, lines: NDArray[np.int64], columns: _Columns, path: Pat
             where=path,
             remedy=remedy,
         )
-    _check_steps(t_s, lines, path)
+    kept = _without_repeated(t_s, rows, path, notes)
+    t_s, ps_m = t_s[kept], ps_m[kept]
     if columns.is_tt3d:
         ps_m = _from_tt3d(ps_m, notes)
         motion = measure_motion(t_s, ps_m)
@@ -274,39 +400,74 @@ def _words(motion: Motion | None, notes: list[str]) -> str:
     return f"; it flies {motion.speed_mps:.1f} m/s"
 
 
-def _check_range(
-    table: Array, t_s: Array, ps_m: Array, lines: NDArray[np.int64], columns: _Columns, path: Path
-) -> None:
-    for k, (values, limit) in enumerate(
-        [(t_s, LARGEST_TIME_S), *((ps_m[:, axis], LARGEST_PLACE_M) for axis in range(3))]
-    ):
-        beyond = np.flatnonzero(~(np.abs(values) < limit))
-        if not len(beyond):
+def _within_range(rows: _Rows, time_s: float, place_m: float, columns: _Columns, path: Path, notes: list[str]) -> _Rows:
+    """The rows with times and places that can be; raises PointsFileError for many others, whose unit is wrong."""
+    values = np.abs(rows.table) * [time_s, place_m, place_m, place_m]
+    beyond = ~(values < [LARGEST_TIME_S, *[LARGEST_PLACE_M] * 3])
+    for k, name in enumerate(columns.names):
+        found = np.flatnonzero(beyond[:, k])
+        if not len(found):
             continue
-        at, name = int(beyond[0]), columns.names[k]
-        where, got = f"{path}, row {lines[at]}", f"{table[at, k]:.15g}"
+        where, got = f"{path}, row {rows.lines[found[0]]}", f"{rows.table[found[0], k]:.15g}"
         if k == 0:
+            what, expected = f"{name} is no time in that unit", None
             remedy = "name the column after its unit: t_s, t_ms, t_us or t_ns"
-            raise PointsFileError(f"{name} is no time in that unit", got=got, where=where, remedy=remedy)
-        remedy = "for millimetres name the columns x_mm,y_mm,z_mm, for centimetres x_cm,y_cm,z_cm"
-        expected = f"at most {LARGEST_PLACE_M:g} m from the middle of the table"
-        raise PointsFileError(
-            f"{name} is no place at a table",
-            expected=expected,
-            got=got,
-            where=where,
-            remedy=remedy if columns.place_m == 1.0 else None,
+        else:
+            what = f"{name} is no place at a table"
+            expected = f"at most {LARGEST_PLACE_M:g} m from the middle of the table"
+            remedy = "for millimetres name the columns x_mm,y_mm,z_mm, for centimetres x_cm,y_cm,z_cm"
+            remedy = remedy if columns.place_m == 1.0 else None
+        many = len(found) > allowed_odd(len(rows.lines))
+        first = PointsFileError(what, expected=expected, got=got, where=where, remedy=remedy if many else None)
+        if many:
+            raise first
+        _leave_out(len(found), len(rows.lines), first, notes)
+    return rows.those(np.logical_not(beyond.any(axis=1)))
+
+
+def _without_unreachable(
+    rows: _Rows, time_s: float, place_m: float, columns: _Columns, path: Path, notes: list[str]
+) -> _Rows:
+    """The rows without a few points where no ball can be; all of them if there are more: their units are looked at."""
+    kept = reachable(time_s * rows.table[:, 0], place_m * rows.table[:, 1:])
+    odd = np.flatnonzero(~kept)
+    if not 0 < len(odd) <= allowed_odd(len(kept)):
+        return rows
+    where, got = f"{path}, row {rows.lines[odd[0]]}", ",".join(f"{value:g}" for value in rows.table[odd[0], 1:])
+    first = PointsFileError("no ball can get there from the points before and after", got=got, where=where)
+    _leave_out(len(odd), len(kept), first, notes)
+    return rows.those(kept)
+
+
+def _without_repeated(t_s: Array, rows: _Rows, path: Path, notes: list[str]) -> NDArray[np.bool_]:
+    """Which rows (N,) are not a further one of the same time: a flight has one ball. Copies of a row are none."""
+    kept = np.ones(len(t_s), np.bool_)
+    if not (np.diff(t_s) < LEAST_STEP_S).any():
+        return kept
+    last = 0
+    for k in range(1, len(t_s)):
+        kept[k] = t_s[k] >= t_s[last] + LEAST_STEP_S
+        last = k if kept[k] else last
+    repeated = np.flatnonzero(~kept)
+    same = (rows.table[repeated] == rows.table[repeated - 1]).all(axis=1)
+    copies, others = int(same.sum()), repeated[~same]
+    if copies and len(t_s) < FEWEST:
+        copies, others = 0, repeated
+    if copies:
+        notes.append(f"{copies} of {len(t_s)} rows left out: copies of the row before")
+    if len(others):
+        at = int(others[0])
+        first = PointsFileError(
+            "times do not ascend",
+            expected=f"more than {t_s[at - 1]:.6f} s",
+            got=t_s[at],
+            where=f"{path}, row {rows.lines[at]}",
         )
-
-
-def _check_steps(t_s: Array, lines: NDArray[np.int64], path: Path) -> None:
-    """Raises PointsFileError for two points at one time: a flight has one ball."""
-    close = np.flatnonzero(~(t_s[1:] >= t_s[:-1] + LEAST_STEP_S))
-    if len(close):
-        at = int(close[0])
-        expected = f"more than {t_s[at]:.6f} s"
-        where = f"{path}, row {lines[at + 1]}"
-        raise PointsFileError("times do not ascend", expected=expected, got=t_s[at + 1], where=where)
+        cause = (
+            "do the times have too few digits, or does the file hold several balls? A flight has one point at a time"
+        )
+        _leave_out(len(others), len(t_s), first, notes, cause)
+    return kept
 
 
 def _from_tt3d(ps_m: Array, notes: list[str]) -> Array:

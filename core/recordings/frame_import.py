@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from core.errors import RecordingError
 from core.events import SensorSize
+from core.text import decode_text
 
 FRAME_CAMERA: Final = "rgb"
 """The name of the camera that the pictures belong to."""
@@ -38,7 +39,9 @@ def read_frame_times(path: Path) -> NDArray[np.int64]:
         RecordingError: if a line is not a time or times decrease.
     """
     try:
-        text = path.read_bytes().decode("utf-8-sig", "replace")
+        text = decode_text(path.read_bytes())
+    except UnicodeDecodeError as error:
+        raise RecordingError("not a table of frame times", got=error.reason, where=path) from error
     except OSError as error:
         raise RecordingError("the frame times cannot be read", got=error, where=path) from error
     times: list[int] = []

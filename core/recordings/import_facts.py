@@ -15,7 +15,7 @@ from core.recordings.sources.source import (
     EventSource,
     Whence,
 )
-from core.text.plain_text import encodable
+from core.text import encodable
 
 IMPORTED_FROM: Final = "Imported from "
 """How the note begins that only names the files."""

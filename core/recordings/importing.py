@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras import Camera
-from core.errors import RecordingError
+from core.cameras.plausible import odd_poses
+from core.cameras.units import check_lengths
+from core.errors import CalibrationError, RecordingError
 from core.events import Events, SensorSize
 from core.events.clock_table import ClockTable
 from core.recordings.frame_import import FRAME_CAMERA, FrameInput, first_image_size, read_frame_times, read_images
@@ -25,7 +27,7 @@ from core.recordings.sources.folders import camera_names
 from core.recordings.sources.source import DecodeReport, PictureTrack, Stated, Whence
 from core.recordings.truth import BallTruth
 from core.recordings.writer import RecordingWriter
-from core.text.plain_text import encodable
+from core.text import encodable
 
 _FLUSH_S: Final = 1.0
 """What a killed import may lose."""
@@ -153,8 +155,7 @@ def import_recording(
         raise RecordingError("the file exists", where=destination, remedy="choose another name, or --force")
     feeds = _open_feeds(sources, names, sensor, offset_us, clock, stated or Stated())
     plan = _plan(sources, feeds, calibration or {}, frames, remarks)
-    details = _text(sensor) + "".join(one.digest for one in _clocks(clock)) + _choices(stated)
-    uuid = source_uuid(sources, list(plan.sensors), details, _one_number(offset_us))
+    uuid = imported_uuid(sources, list(plan.sensors), sensor=sensor, offset_us=offset_us, clock=clock, stated=stated)
     try:
         destination.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -191,6 +192,20 @@ def import_recording(
     events = {feed.name: writer.event_count(feed.name) for feed in feeds}
     triggers = {feed.name: feed.triggers for feed in feeds}
     return ImportSummary(destination, events, triggers, writer.duration_us, facts.notes, facts)
+
+
+def imported_uuid(
+    sources: Sequence[Path],
+    cameras: Sequence[str],
+    *,
+    sensor: SensorSize | Sequence[SensorSize] | None = None,
+    offset_us: int | Sequence[int] = 0,
+    clock: ClockTable | Sequence[ClockTable] | None = None,
+    stated: Stated | None = None,
+) -> str:
+    """Identity of the recording that `import_recording` makes with the same arguments; `cameras` are its names."""
+    details = _text(sensor) + "".join(one.digest for one in _clocks(clock)) + _choices(stated)
+    return source_uuid(sources, list(cameras), details, _one_number(offset_us))
 
 
 def check_import(
@@ -243,9 +258,9 @@ def _plan(
     sensors = {feed.name: feed.source.sensor for feed in feeds}
     if calibration or frames is not None:
         _refuse_assumed_sizes(feeds)
-    own = {name: camera for name, camera in _own_calibration(feeds).items() if name not in calibration}
+    own, odd = _own_calibration(feeds, calibration)
     given = _match_calibration(calibration, list(sensors))
-    remarks = [*remarks, *_unmatched(calibration, own | given, list(sensors)), *_exchanged(sources, feeds)]
+    remarks = [*remarks, *odd, *_unmatched(calibration, own | given, list(sensors)), *_exchanged(sources, feeds)]
     for name, pictures in _pictures_of(feeds):
         sensors.setdefault(name, pictures.sensor)
     if frames is not None:
@@ -401,9 +416,15 @@ def _exchanged(sources: Sequence[Path], feeds: list[_Feed]) -> list[str]:
     return []
 
 
-def _own_calibration(feeds: list[_Feed]) -> dict[str, Camera]:
-    """What the files themselves say of their cameras."""
-    return {feed.name: feed.source.calibration for feed in feeds if feed.source.calibration is not None}
+def _own_calibration(feeds: list[_Feed], given: Mapping[str, Camera]) -> tuple[dict[str, Camera], list[str]]:
+    """What the files themselves say of cameras that have no `given` calibration, and what is odd or wrong about it."""
+    own = {feed.name: feed.source.calibration for feed in feeds if feed.name not in given and feed.source.calibration}
+    files = ", ".join(dict.fromkeys(feed.file for feed in feeds if feed.name in own))
+    try:
+        check_lengths(own, files)
+    except CalibrationError as error:
+        return {}, [f"The calibration in the files is left out: {error}; give one that is right with --calibration."]
+    return own, [f"{note}." for note in odd_poses(own, own_world=False)]
 
 
 def _pictures_of(feeds: list[_Feed]) -> list[tuple[str, PictureTrack]]:

@@ -34,7 +34,7 @@ from core.recordings.hdf5 import (
 from core.recordings.ms_index import MAX_TIME_US
 from core.recordings.recording import CameraStream
 from core.recordings.truth import BallTruth, credible_ball
-from core.text.json_text import parse_json
+from core.text import parse_json
 
 MAX_GROUPS: Final = 1000
 

@@ -25,7 +25,7 @@ from core.recordings.log.assemble import assemble
 from core.recordings.log.growing import GrowingFile, Json
 from core.recordings.recording import Triggers
 from core.recordings.truth import BallTruth, PixelTruth
-from core.text.plain_text import encodable
+from core.text import encodable
 
 _PACKERS = 2
 _FLUSHES_PER_START = 100

@@ -11,10 +11,8 @@ from typing import Final
 import zmq
 
 from core.errors import LinkError, NoAnswerError, TargetRefusedError
-from core.live.link.address import split_address
-from core.live.link.guard import HandshakeWatch, check_reach, secure
-from core.live.link.keys import ClientKeys
-from core.robot.motion_check import FaceMotion, find_fault
+from core.live.link.guard import ClientKeys, HandshakeWatch, check_reach, secure, split_address
+from core.robot.motion_check import NOT_STARTED, FaceMotion, find_fault
 from core.robot.robot_messages import (
     FROM_ROBOT,
     ROBOT_MESSAGE_BYTES,
@@ -31,7 +29,6 @@ from core.robot.robot_messages import (
     encode_robot,
 )
 from core.robot.robot_watch import RobotStatus, RobotWatch, RobotWatchConfig, StopNote
-from core.robot.target_arbiter import NOT_STARTED
 
 logger = logging.getLogger(__name__)
 

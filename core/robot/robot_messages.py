@@ -16,8 +16,7 @@ from typing import Any, Final
 import numpy as np
 
 from core.errors import LinkError
-from core.live.link.bounds import WALL_NS
-from core.live.link.fields import bounded_number, choice, flag, optional, part, text, vector, whole
+from core.live.link.fields import WALL_NS, bounded_number, choice, flag, optional, part, text, vector, whole
 from core.live.link.messages import decode, encode
 
 ROBOT_MESSAGE_BYTES: Final = 4096

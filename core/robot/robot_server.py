@@ -15,11 +15,9 @@ import zmq
 from numpy.typing import ArrayLike
 
 from core.errors import LinkError
-from core.live.link.address import split_address
 from core.live.link.fields import read_fields, write_fields
-from core.live.link.guard import LinkGateway, check_reach
-from core.live.link.keys import ServerKeys
-from core.robot.motion_check import FaceMotion, MotionFault
+from core.live.link.guard import LinkGateway, ServerKeys, check_reach, split_address
+from core.robot.motion_check import FaceMotion, MotionFault, TargetArbiter
 from core.robot.robot_messages import (
     ROBOT_MESSAGE_BYTES,
     TO_ROBOT,
@@ -36,7 +34,6 @@ from core.robot.robot_messages import (
     decode_robot,
     encode_robot,
 )
-from core.robot.target_arbiter import TargetArbiter
 
 logger = logging.getLogger(__name__)
 

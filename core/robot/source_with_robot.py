@@ -15,8 +15,7 @@ import numpy as np
 
 from core.errors import LinkError
 from core.live.link import messages as m
-from core.live.link.listeners import LinkListeners
-from core.live.link.live_source import LinkListener, LiveSource, SourceStatus
+from core.live.link.live_source import LinkListener, LinkListeners, LiveSource, SourceStatus
 from core.physics.config import PhysicsConfig
 from core.robot.robot_client import RobotClient, host_us
 from core.simulation.event_cameras.event_camera import BLOCK_US

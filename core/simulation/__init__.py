@@ -1,8 +1,7 @@
 """Simulated event cameras: ball flights, scenes, and a sensor model that turns intensity changes into events."""
 
-from core.simulation.event_cameras.stereo import Chunk, StereoConfig, simulate_stereo
-from core.simulation.flights.flight_series import FlightSeries, draw_serve_series
-from core.simulation.flights.serve import LaunchConfig
+from core.simulation.event_cameras.event_camera import Chunk, StereoConfig, simulate_stereo
+from core.simulation.flights import FlightSeries, LaunchConfig, draw_serve_series
 from core.simulation.recording import SimulatedRecording, ensure_demo, simulate_recording
 from core.simulation.scenes.scene import SceneConfig, scene_named
 from core.simulation.sensor.sensor import SensorConfig

@@ -16,11 +16,10 @@ from core.physics.config import PhysicsConfig
 from core.recordings import RecordingWriter
 from core.simulation.bodies import make_actors
 from core.simulation.bodies.rally_flight import draw_flights
-from core.simulation.event_cameras.stereo import StereoConfig, simulate_stereo
-from core.simulation.flights.ball_path import BallPath
-from core.simulation.flights.serve import LaunchConfig
-from core.simulation.frames.frames import FrameConfig, FrameTrack
-from core.simulation.scenes.racket_shape import RacketPath
+from core.simulation.event_cameras.event_camera import StereoConfig, simulate_stereo
+from core.simulation.flights import BallPath, LaunchConfig
+from core.simulation.frames import FrameConfig, FrameTrack
+from core.simulation.scenes.racket_view import RacketPath
 from core.simulation.scenes.scene import SceneConfig
 from core.simulation.sensor.readout import ReadoutCounts
 from core.simulation.truth import ball_truth, pixel_truth, truth_times

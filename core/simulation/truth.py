@@ -11,9 +11,9 @@ from core.cameras import Camera
 from core.jit import njit
 from core.recordings import BallTruth, PixelTruth
 from core.simulation.bodies import MovingBodies, hidden_by_bodies
-from core.simulation.flights.ball_path import BallPath
+from core.simulation.flights import BallPath
 from core.simulation.scenes.ball_view import ball_circles_at
-from core.simulation.scenes.racket_shape import RacketPath, RacketPoses, racket_gap, racket_shading_rows
+from core.simulation.scenes.racket_view import RacketPath, RacketPoses, racket_gap, racket_shading_rows
 from core.simulation.scenes.scene import NET_TAPE_M
 from core.table import BALL_RADIUS_M, NET_HEIGHT_M, NET_OVERHANG_M, TABLE_HEIGHT_M, TABLE_LENGTH_M, TABLE_WIDTH_M
 

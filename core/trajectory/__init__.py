@@ -4,6 +4,7 @@ from core.trajectory.config import PaperPredictorConfig, predictor_for
 from core.trajectory.continuation import predict_arrivals
 from core.trajectory.filter import FilterPredictor
 from core.trajectory.filter_config import FilterConfig, filter_for, with_physics
+from core.trajectory.observation import PixelObservation
 from core.trajectory.prediction import HitPlane, Prediction, Predictor, TablePoint
 from core.trajectory.predictor import PaperPredictor
 
@@ -13,6 +14,7 @@ __all__ = [
     "HitPlane",
     "PaperPredictor",
     "PaperPredictorConfig",
+    "PixelObservation",
     "Prediction",
     "Predictor",
     "TablePoint",

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from core.trajectory.ball_kernel import LIFT
 from core.trajectory.bounce_question import SIGMAS, BounceQuestion, coming_contact
 from core.trajectory.filter_config import FilterConfig
-from core.trajectory.filter_kernel import ProcessNoise, move, observe
+from core.trajectory.filter_kernel import ProcessNoise, move
+from core.trajectory.observation import Observation, PointObservation
 
 Array = NDArray[np.float64]
 
-GATE: Final = 40.0
-"""Gate on the squared normalised distance in three dimensions; a correct point exceeds it once in 10^8."""
 FIRST_VELOCITY_MPS: Final = (-4.0, 0.0, 0.0)
 FIRST_SIGMA_MPS: Final = 10.0
 SETTLED: Final = 4
@@ -51,7 +50,9 @@ class BallFilter:
         self.log_odds = self.prior
         """Log odds of this kind of flight given its points, up to a constant."""
         self.spoke = False
-        """Whether the newest point was compared with the prediction; points near a bounce are not."""
+        """Whether the newest observation was compared with the prediction; those near a bounce are not."""
+        self.accepted = False
+        """Whether the newest observation moved the estimate."""
         self.points = 1
         """Number of points used."""
         self._question: BounceQuestion | None = None
@@ -70,22 +71,25 @@ class BallFilter:
             return np.ones(3)
         return np.clip((weight + self._tally[0]) / (weight + self._tally[1]), *SCALES)
 
-    def take(self, t_us: int, p: Array, noise_m2: Array) -> None:
-        """Predict to the time of a point, and update with the point and its covariance (3, 3)."""
+    def take(self, t_us: int, seen: Observation) -> None:
+        """Predict to this time, and update with what was seen. Pixels neither count as points nor begin a flight."""
         if self._question is None:
             self._question = self._ask(t_us)
         seconds, self.t_us = (t_us - self.t_us) * 1e-6, t_us
         if self._question is None:
             move(self.state, self.covariance, seconds, self.process_noise)
-            found = observe(self.state, self.covariance, p, noise_m2, self.noise_scales, GATE, self._tally)
-            distance, likelihood = found
-            self.points += 1
+            noise_scales, lift = self.noise_scales, self.process_noise.lift
+            distance, likelihood = seen.update(self.state, self.covariance, noise_scales, self._tally, lift)
             self.spoke = True
-            self.strays = self.strays + 1 if distance > GATE else 0
+            self.accepted = distance <= seen.gate
+            if isinstance(seen, PointObservation):
+                self.points += 1
+                self.strays = 0 if self.accepted else self.strays + 1
             if self.points > TYPICAL:
                 self.log_odds += likelihood
             return
-        bounced = self._question.add(t_us, p, noise_m2, self.noise_scales, GATE)
+        bounced = self._question.add(t_us, seen, self.noise_scales)
+        self.accepted = False
         self.spoke = self._question.likelihood is not None
         if self._config.perhaps_real:
             self.log_odds += self._question.likelihood or 0.0

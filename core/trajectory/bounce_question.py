@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from core.table import BALL_RADIUS_M, TABLE_LENGTH_M, TABLE_WIDTH_M
 from core.trajectory.ball_kernel import HIGHER, STATE, down_in, glide
-from core.trajectory.filter_kernel import ProcessNoise, bounce_estimate, move, observe
+from core.trajectory.filter_kernel import ProcessNoise, bounce_estimate, move
+from core.trajectory.observation import Observation
 
 Array = NDArray[np.float64]
 
@@ -80,9 +81,9 @@ class BounceQuestion:
         """Estimate of the likelier hypothesis at the newest time."""
         return self.off if self._odds >= 0 and self._t_us >= self._bounce_us else self.past
 
-    def add(self, t_us: int, p_m: Array, noise_m2: Array, scales: Array, gate: float) -> bool | None:
-        """Whether it bounced, or None while undecided. Both hypotheses use the point unless it is too close to the
-        bounce.
+    def add(self, t_us: int, seen: Observation, scales: Array) -> bool | None:
+        """Whether it bounced, or None while undecided. Both hypotheses use the observation unless it is too close to
+        the bounce.
         """
         move(*self.past, (t_us - self._t_us) * 1e-6, self._process_noise)
         if t_us > self._off_us:
@@ -93,8 +94,9 @@ class BounceQuestion:
         if t_us < self._quiet_until_us:
             return None
         unused = np.zeros((2, 3))
-        off = observe(*self.off, p_m, noise_m2, scales, gate, unused)[1]
-        past = observe(*self.past, p_m, noise_m2, scales, gate, unused)[1]
+        lift = self._process_noise.lift
+        off = seen.update(*self.off, scales, unused, lift).log_likelihood
+        past = seen.update(*self.past, scales, unused, lift).log_likelihood
         self.likelihood = _either(off, past, self._odds)
         self._odds += off - past
         self._points += 1

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.errors import ConfigError
-from core.trajectory.ball_filter import BallFilter
+from core.trajectory.ball_filter import SETTLED, BallFilter
 from core.trajectory.ball_kernel import STATE, TOUCHES
 from core.trajectory.filter_config import FilterConfig
 from core.trajectory.filter_kernel import ROWS, foresee
 from core.trajectory.learned_constants import nothing_learned
 from core.trajectory.mixture import Foreseen, MixedPaths, Paths, mix
+from core.trajectory.observation import Observation, PixelObservation, PointObservation
 from core.trajectory.prediction import HitPlane, Prediction, Stage, TablePoint
 
 Array = NDArray[np.float64]
@@ -26,9 +28,19 @@ IMPOSSIBLE: Final = math.log(1e-6)
 """A kind of flight with smaller odds against another is dropped."""
 MIN_SHARE: Final = 0.02
 """A less probable kind of flight is not part of the prediction."""
+LONG_AGO_US: Final = -(1 << 62)
 SPIN_Y: Final = 20
 """Index of the spin about y at the hitting plane."""
 NOTHING: Final = np.full((STATE, STATE), np.nan)
+
+
+class BallPosition(NamedTuple):
+    """Where the ball is by the estimate."""
+
+    p_world_m: Array
+    """(3,)."""
+    covariance_m2: Array
+    """(3, 3)."""
 
 
 class FilterPredictor:
@@ -64,6 +76,11 @@ class FilterPredictor:
     def believed(self) -> BallFilter | None:
         """The filter that explains the flight best; None before there is a point."""
         return max(self._filters, key=self._evidence, default=None)
+
+    @property
+    def newest_us(self) -> int:
+        """Time of the estimate; long ago before there is a point."""
+        return self._filters[0].t_us if self._filters else LONG_AGO_US
 
     @property
     def state(self) -> Array:
@@ -106,19 +123,62 @@ class FilterPredictor:
         if t_us <= self._filters[0].t_us:
             expected = f"after {self._filters[0].t_us} us"
             raise ConfigError("points are not in order", expected=expected, got=t_us, where="FilterPredictor.add")
-        before = [one.log_odds for one in self._filters]
-        for one in self._filters:
-            one.take(t_us, p, noise)
-        if self.config.perhaps_real:
-            if not all(one.spoke for one in self._filters):  # not compared by such a point
-                for one, odds in zip(self._filters, before, strict=True):
-                    one.log_odds = odds
-            self._filters = self._possible()
+        self._update(t_us, PointObservation(p, noise))
         if all(one.strays >= STRAYS for one in self._filters):
             self._learn()
             self._begin(t_us, p, noise)
-        due = t_us - self._predicted_us >= 1e3 * self.config.every_ms
+        return self.predict_if_due()
+
+    def add_pixel(self, t_us: int, seen: PixelObservation, *, max_late_us: int = 0) -> bool:
+        """Whether the pixel of one camera moved the estimate.
+
+        It does not in a flight of too few points, around a bounce, or beyond its gate. A pixel older than the estimate
+        is used up to `max_late_us`, unless there was a bounce since.
+        """
+        ball = self.believed
+        if ball is None or ball.points < SETTLED:
+            return False
+        late_us = max(0, ball.t_us - t_us)
+        if late_us:
+            bounces_us = [one.bounces_us[-1] for one in self._filters if one.bounces_us]
+            if (
+                late_us > max_late_us
+                or t_us < max(bounces_us, default=t_us)
+                or any(one.is_asking for one in self._filters)
+            ):
+                return False
+            seen = dataclasses.replace(seen, late_s=1e-6 * late_us)
+        self._update(max(t_us, ball.t_us), seen)
+        believed = self.believed
+        return believed is not None and believed.accepted
+
+    def position(self) -> BallPosition | None:
+        """Where the ball is at the newest time, by all kinds of flights that count; None before there is a point."""
+        shares = self.shares()
+        if not shares:
+            return None
+        weights = np.array([weight for _, weight in shares])
+        weights /= weights.sum()
+        ps = np.array([one.state[:3] for one, _ in shares])
+        p = weights @ ps
+        spread = np.array([one.covariance[:3, :3] for one, _ in shares]) + np.einsum("ni,nj->nij", ps - p, ps - p)
+        return BallPosition(p, np.einsum("n,nij->ij", weights, spread))
+
+    def predict_if_due(self) -> Prediction | None:
+        """A new prediction, not too soon after the one before and not while a bounce is undecided; else None."""
+        ball = self.believed
+        due = ball is not None and ball.t_us - self._predicted_us >= 1e3 * self.config.every_ms
         return self.predict() if due and not any(one.is_asking for one in self._filters) else None
+
+    def _update(self, t_us: int, seen: Observation) -> None:
+        before = [one.log_odds for one in self._filters]
+        for one in self._filters:
+            one.take(t_us, seen)
+        if self.config.perhaps_real:
+            if not all(one.spoke for one in self._filters):  # not compared by such an observation
+                for one, odds in zip(self._filters, before, strict=True):
+                    one.log_odds = odds
+            self._filters = self._possible()
 
     def predict(self) -> Prediction | None:
         """Current prediction; None before enough points."""

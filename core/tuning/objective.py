@@ -1,23 +1,152 @@
-"""Objective of a search: the score of a config on both sides of the split, here against the truth."""
+"""The objective of a search: the score of a config on both sides of the split, here against the truth.
+
+A recording is split in time: blocks that are tuned on, and blocks that are held out. Both sides have figures; what
+is maximised is one number of the first.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
+from core.config import check_settings, setting
 from core.detection import DetectorConfig, make_detector
 from core.errors import RecordingError
 from core.metrics import run_detector
-from core.metrics.grid_score import score_on_grid
+from core.metrics.grid_score import GridScore, score_on_grid
+from core.metrics.score import MATCH_RADIUS_PX
 from core.recordings import Recording
-from core.tuning.config import TuningConfig
-from core.tuning.split_score import SplitScore
-from core.tuning.time_blocks import TimeBlocks, cut_blocks
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TuningConfig:
+    """Length of the search, and the split of the recording."""
+
+    trials: int = setting(64, 1, 100_000)
+    """Number of scored configs, the start config included."""
+    seed: int = setting(0, 0, 2**31 - 1)
+    """Seed of the proposals: the same seed gives the same answer with any number of processes."""
+    batch: int = setting(8, 1, 64)
+    """Proposals that are made at once, and answered in their order: more would keep more processes busy, and learn less
+    from one to the next."""
+    blocks: int = setting(20, 2, 1000)
+    """Blocks of time that the recording is cut into; half of them are held out."""
+    gap_us: int = setting(10_000, 0, 1_000_000, step=1000)
+    """At the beginning of a block so much is left out, that no flight's neighbouring windows are on both sides; but
+    never more than a third of the block."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+COST_PER_PX: Final = 0.02
+"""A pixel of median error is worth two points of F1: enough to decide between configs that find the same balls, and too
+little to pay for losing some."""
+WORST: Final = -COST_PER_PX * MATCH_RADIUS_PX
+"""Score of a config that finds nothing, or that is invalid."""
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """Figures of one side of the split; nan where a denominator is 0."""
+
+    precision: float
+    """Share of the answers that are a ball."""
+    recall: float
+    """Share of the balls asked for that are found."""
+    median_error_px: float
+    objective: float
+    """F1 of the two, less `COST_PER_PX` times the median error: at most 1, at least `WORST`."""
+    balls: int
+    """Times at which a ball was asked for."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SplitScore:
+    """Counts and errors of a config on both sides; they add up over cameras."""
+
+    tuned: GridScore = field(default_factory=GridScore)
+    """Figures of the tuned side."""
+    held_out: GridScore = field(default_factory=GridScore)
+    """Figures of the held-out side."""
+
+    def __add__(self, other: SplitScore) -> SplitScore:
+        return SplitScore(self.tuned + other.tuned, self.held_out + other.held_out)
+
+
+def figures_of(score: GridScore) -> Figures:
+    """The figures of counts and errors."""
+    hits = score.precision + score.recall
+    f1 = 2 * score.precision * score.recall / hits if hits > 0 else 0.0  # nan is not above 0 either
+    median = score.error_at(50)
+    error = median if median < MATCH_RADIUS_PX else MATCH_RADIUS_PX  # nothing found counts as the largest error
+    return Figures(score.precision, score.recall, median, f1 - COST_PER_PX * error, score.asked)
+
+
+MIN_TIMES: Final = 8
+"""Fewest positions of the ball for tuning and checking."""
+DRAW: Final = 109
+"""The draw that mixes best what comes back every two to seven blocks, of 10, 20 and 40: each part of such a period has
+at least a fifth of its blocks on either side."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TimeBlocks:
+    """Consecutive blocks; all of time belongs to one of them.
+
+    One block of each pair of neighbours is held out; which of them was drawn once for good. Every other block would put
+    the first half of each serve on one side wherever serves come at a steady pace.
+    """
+
+    starts_us: NDArray[np.int64]
+    """(B,) ascending; the first block also has what is before it."""
+    gaps_us: NDArray[np.int64]
+    """(B,) left out at the beginning of each."""
+
+    def tuned(self, t_us: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """(N,) whether times (N,) are tuned on."""
+        return self._kept(t_us) & ~self._in_held_out(t_us)
+
+    def held_out(self, t_us: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """(N,) whether times (N,) are held out."""
+        return self._kept(t_us) & self._in_held_out(t_us)
+
+    def _blocks(self, t_us: NDArray[np.int64]) -> NDArray[np.intp]:
+        return np.maximum(np.searchsorted(self.starts_us, t_us, side="right") - 1, 0)
+
+    def _kept(self, t_us: NDArray[np.int64]) -> NDArray[np.bool_]:
+        block = self._blocks(t_us)
+        since_us = t_us - self.starts_us[block]
+        return (since_us < 0) | (since_us >= self.gaps_us[block])
+
+    def _in_held_out(self, t_us: NDArray[np.int64]) -> NDArray[np.bool_]:
+        pairs = np.tile([False, True], (len(self.starts_us) // 2 + 1, 1))
+        return np.random.default_rng(DRAW).permuted(pairs, axis=1).ravel()[self._blocks(t_us)]
+
+
+def cut_blocks(ball_us: NDArray[np.int64], count: int, gap_us: int) -> TimeBlocks:
+    """Blocks with equally many of the times at which a ball is known: fewer than `count` where those are few.
+
+    Raises:
+        RecordingError: if there are not enough of them.
+    """
+    times = np.unique(ball_us)
+    if len(times) < MIN_TIMES:
+        remedy = "label more of it, or take another recording"
+        raise RecordingError("too few ball positions", expected=f"{MIN_TIMES} or more", got=len(times), remedy=remedy)
+    count = max(2, min(count, len(times) // (MIN_TIMES // 2)))
+    starts = times[np.arange(count) * len(times) // count]
+    lengths = np.diff(np.append(starts, times[-1] + 1))
+    gaps = np.minimum(gap_us, lengths // 3)
+    gaps[0] = 0
+    return TimeBlocks(starts, gaps)
+
 
 Cancelled = Callable[[], bool]
 ANY_SPEED: Final = (0.0, math.inf)

@@ -18,7 +18,7 @@ from core.config import (
     replace_setting,
 )
 from core.detection import DetectorConfig
-from core.detection.detector_registry import DETECTORS
+from core.detection.detector import DETECTORS
 from core.detection.methods import SECTIONS, method_config, method_named
 from core.errors import ConfigError
 

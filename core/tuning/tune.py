@@ -1,24 +1,104 @@
-"""The search for better thresholds: start, proposals in batches, and result."""
+"""The search for better thresholds: start, proposals in batches that any backend scores, and the result as plain
+values.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from core.config import Setting, get_setting
 from core.detection import DetectorConfig
 from core.detection.methods import method_config
 from core.errors import CommandError, ConfigError
-from core.jobs import ALONE, JobBackend
-from core.tuning.config import TuningConfig
-from core.tuning.evaluate import Evaluate, evaluating
-from core.tuning.objective import Cancelled, Objective, TuningStoppedError
+from core.jobs import ALONE, JobBackend, TaskControl, TasksStoppedError, open_jobs
+from core.recordings import Recording, open_recording
+from core.tuning.objective import (
+    WORST,
+    Cancelled,
+    Figures,
+    Objective,
+    SplitScore,
+    TuningConfig,
+    TuningStoppedError,
+    figures_of,
+)
 from core.tuning.parameters import Parameter, config_with
-from core.tuning.split_score import WORST, Figures, figures_of
 
 if TYPE_CHECKING:
     from core.tuning.search import Search
+
+Evaluate = Callable[[Sequence[DetectorConfig], Callable[[int], None]], list[SplitScore]]
+"""Function that scores configs; the callback gets the number done."""
+
+
+@contextmanager
+def evaluating(objective: Objective, engine: JobBackend, most: int, cancelled: Cancelled) -> Iterator[Evaluate]:
+    """Yields what scores batches of at most so many configs, with an engine that sees the recording.
+
+    It raises TuningStoppedError soon after `cancelled()` has become true, and JobsError if the engine fails. Ending
+    this process, however it is done, ends the others.
+    """
+    with open_jobs(engine, most) as jobs:
+        work = ScoreConfig(objective, jobs.share_file(objective.path))
+
+        def evaluate(configs: Sequence[DetectorConfig], tell: Callable[[int], None]) -> list[SplitScore]:
+            done = 0
+
+            def count(number: int, score: SplitScore) -> None:
+                nonlocal done
+                done += 1
+                tell(done)
+
+            try:
+                return jobs.run(work, configs, done=count, cancelled=cancelled)
+            except TasksStoppedError as error:
+                raise TuningStoppedError from error
+
+        try:
+            yield evaluate
+        finally:
+            _KEPT.close()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScoreConfig:
+    """Scores configs on a recording; each process opens it once."""
+
+    objective: Objective
+    path: Path
+
+    def __call__(self, config: DetectorConfig, control: TaskControl) -> SplitScore:
+        """The score of a config."""
+        return self.objective.score(_KEPT.open(self.path), config, control.stopped)
+
+
+class _Kept:
+    """Cache of the last recording of a process; a changed file is reopened."""
+
+    def __init__(self) -> None:
+        self._recording: Recording | None = None
+        self._what: tuple[object, ...] = ()
+
+    def open(self, path: Path) -> Recording:
+        now = path.stat()
+        what = (path, now.st_ino, now.st_size, now.st_mtime_ns)
+        if self._recording is None or self._what != what:
+            self.close()
+            self._recording, self._what = open_recording(path), what
+        return self._recording
+
+    def close(self) -> None:
+        if self._recording is not None:
+            self._recording.close()
+        self._recording = None
+
+
+_KEPT: Final = _Kept()
+
 
 _IMPOSSIBLE: Final = Figures(float("nan"), float("nan"), float("nan"), WORST, 0)
 
@@ -165,3 +245,27 @@ def _search(parameters: Sequence[Parameter], start: DetectorConfig, seed: int) -
     except ImportError as error:
         raise CommandError("tuning needs optuna", remedy="pip install 'rallyscope[tune]'") from error
     return Search(parameters, start, seed)
+
+
+def report_of(result: TuningResult) -> dict[str, object]:
+    """Report of a search: start and best config on both sides of the split, and the history.
+
+    `changed` has [before, after] by name; `history` has the objective of each trial on [the tuned, the held-out] side.
+    """
+    return {
+        "start": _sides(result.trials[0]),
+        "best": _sides(result.trials[result.best_trial]),
+        "best_trial": result.best_trial,
+        "better_held_out": result.better_held_out,
+        "stopped": result.stopped,
+        "trials": len(result.trials),
+        "impossible": sum(not trial.possible for trial in result.trials),
+        "parameters": list(result.trials[0].values),
+        "changed": {name: list(pair) for name, pair in result.changed.items()},
+        "importance": dict(result.importance),
+        "history": [[trial.tuned.objective, trial.held_out.objective] for trial in result.trials],
+    }
+
+
+def _sides(trial: TuningTrial) -> dict[str, object]:
+    return {"tuned": asdict(trial.tuned), "held_out": asdict(trial.held_out)}

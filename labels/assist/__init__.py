@@ -10,7 +10,7 @@ from labels.assist.propose import Proposals, accept, propose, steady_segment
 from labels.assist.review import review_queue
 from labels.assist.snap import Snap, snap
 from labels.assist.snap_kernel import load_snap
-from labels.assist.stereo import check_stereo, epipolar_curve
+from labels.assist.stereo import ball_in_space, check_stereo, epipolar_curve, reproject
 from labels.assist.whole_flight import WholeFlight, whole_flight
 
 __all__ = [
@@ -18,6 +18,7 @@ __all__ = [
     "Snap",
     "WholeFlight",
     "accept",
+    "ball_in_space",
     "check_labels",
     "check_stereo",
     "curve_of_flight",
@@ -31,6 +32,7 @@ __all__ = [
     "load_snap",
     "next_blind",
     "propose",
+    "reproject",
     "review_queue",
     "snap",
     "steady_segment",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -20,15 +21,16 @@ REACH_US: Final = 1_000_000
 
 def labels_between(
     keys: LabelArrays,
-    there: LabelArrays | None,
-    cameras: tuple[Camera, Camera] | None,
+    others: Sequence[LabelArrays],
+    cameras: Sequence[Camera],
     times_us: NDArray[np.int64],
     t_us: int,
     breaks_us: tuple[int, ...],
 ) -> tuple[Label, ...]:
     """Labels for the unlabelled ones of some times in the segment of `keys` that holds `t_us`, or is nearest to it.
 
-    `there` are the labels of the other camera; with both calibrations a flight is fitted to both cameras' labels.
+    `others` are the labels of other cameras, `cameras` the calibrations of the own and of those, in this order; with
+    two or more a flight is fitted to all cameras' labels.
     Nothing is interpolated across `breaks_us`, bounces and hits.
     """
     if not len(times_us):
@@ -42,9 +44,9 @@ def labels_between(
     if np.isin(inside, keys.t_us).all():  # nothing is left to label: no flight need be fitted
         return ()
     curve, made_of = plain, "curve"
-    if cameras is not None and there is not None:
+    if len(cameras) > 1:
         span = int(inside[0]) - 1, int(inside[-1]) + 2
-        flight = fit_flight(cameras, (keys.between(*span), there.between(*span)))
+        flight = fit_flight(cameras, [part.between(*span) for part in (keys, *others)])
         if flight is not None:
             curve, made_of = curve_of_flight(flight, cameras[0], times_us), "flight"
     free = np.isin(curve.t_us, inside) & ~np.isin(curve.t_us, keys.t_us) & curve.covered

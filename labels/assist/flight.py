@@ -1,4 +1,4 @@
-"""Interpolation in 3D: one free flight, fitted to the labels of both cameras at once and projected back.
+"""Interpolation in 3D: one free flight, fitted to the labels of two or more cameras at once and projected back.
 
 Gravity, air drag and a constant spin's side force (Magnus), integrated; ten unknowns: position, velocity, drag and the
 three of the spin. The last four have priors, so that a few keyframes are enough.
@@ -7,18 +7,18 @@ three of the spin. The last four have priors, so that a few keyframes are enough
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from core.cameras import Camera, ball_circles
+from core.cameras import Camera, StereoRig, ball_circles
 from core.jit import njit
 from core.table import GRAVITY_MPS2
 from labels.arrays import LabelArrays
 from labels.assist.curve import NOT_COVERED, Curve
-from labels.assist.stereo import check_stereo
 
 Array = NDArray[np.float64]
 STEP_S: Final = 4e-3
@@ -58,18 +58,22 @@ class FittedFlight:
         return np.column_stack([circles.u_px, circles.v_px, circles.r_px])
 
 
-def fit_flight(cameras: tuple[Camera, Camera], labels: tuple[LabelArrays, LabelArrays]) -> FittedFlight | None:
-    """The flight through the visible labels of both cameras, which must not contain a bounce or hit.
+def fit_flight(cameras: Sequence[Camera], labels: Sequence[LabelArrays]) -> FittedFlight | None:
+    """The flight through the visible labels of two or more cameras, which must not contain a bounce or hit.
 
-    Labels of one camera count too where the other has none. None with fewer than
-    `MIN_PAIRS` common instants, or where no flight fits.
+    Labels that only one camera has at their instant count too. None with fewer than `MIN_PAIRS` instants at which two
+    cameras have labels, or where no flight fits.
     """
-    seen = [keys.rows(keys.seen) for keys in labels]
-    common, rows_0, rows_1 = np.intersect1d(seen[0].t_us, seen[1].t_us, return_indices=True)
+    given = [(camera, keys.rows(keys.seen)) for camera, keys in zip(cameras, labels, strict=True)]
+    given = [(camera, keys) for camera, keys in given if len(keys)]
+    if len(given) < 2:
+        return None
+    cameras, seen = zip(*given, strict=True)
+    uvs = [np.column_stack([keys.x_px, keys.y_px]) for keys in seen]
+    common, views = common_views([keys.t_us for keys in seen], uvs)
     if len(common) < MIN_PAIRS:
         return None
-    uvs = [np.column_stack([keys.x_px, keys.y_px]) for keys in seen]
-    points = check_stereo(cameras[0], uvs[0][rows_0], cameras[1], uvs[1][rows_1]).p_world_m
+    points = StereoRig({str(row): camera for row, camera in enumerate(cameras)}).triangulate(views).ps_world_m
     start_us = int(min(keys.t_us[0] for keys in seen))
     end_us = int(max(keys.t_us[-1] for keys in seen))
     times = [_seconds(keys.t_us, start_us) for keys in seen]
@@ -117,6 +121,19 @@ def fit_flight(cameras: tuple[Camera, Camera], labels: tuple[LabelArrays, LabelA
     misses = residuals(fit.x[None])[0][:-4]
     residual_px = float(np.sqrt(np.mean(misses**2)))
     return FittedFlight(start_us, end_us, fit.x, residual_px) if residual_px <= WORST_RESIDUAL_PX else None
+
+
+def common_views(t_us: Sequence[NDArray[np.int64]], uvs_px: Sequence[Array]) -> tuple[NDArray[np.int64], Array]:
+    """The instants at which two or more of C tracks have a position, and these (N, C, 2); nan where a track has none.
+
+    `t_us` are the ascending times of the tracks, `uvs_px` their positions (n, 2).
+    """
+    every = np.unique(np.concatenate(t_us))
+    views = np.full((len(every), len(t_us), 2), np.nan)
+    for camera, (own_us, uv) in enumerate(zip(t_us, uvs_px, strict=True)):
+        views[np.searchsorted(every, own_us), camera] = uv
+    shared = np.isfinite(views[:, :, 0]).sum(axis=1) >= 2
+    return every[shared], views[shared]
 
 
 def _outline_offset(camera: Camera, ps: Array) -> Array:

@@ -1,15 +1,28 @@
-"""Two cameras on one ball: the epipolar curve of a click, and how well two labels of one instant agree."""
+"""Two cameras or more on one ball: the epipolar curve of a click, how well labels of one instant agree, and where the
+ball is in a camera that the others know it from.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from core.cameras import Camera, StereoRig, ball_circles
+from core.cameras import Camera, StereoRig, TriangulationConfig, ball_circles
+from core.cameras.many_views_kernel import project_with_slopes
 
 Array = NDArray[np.float64]
+Covariance = tuple[float, float, float]
+"""Covariance xx, xy, yy of a position, px squared."""
+SIGMA_PX: Final = 0.7
+"""Standard deviation of a label that does not say how exact it is: a careful hand."""
+CALIBRATION_PX: Final = 0.2
+"""Standard deviation that a calibration adds to every position (choice)."""
+JUDGED_PX: Final = 100.0
+"""Positions that are farther from each other are of different things in any case."""
 NEAREST_M, FARTHEST_M = 0.3, 8.0
 """Depths along a ray that a ball at a table can have."""
 
@@ -52,3 +65,89 @@ def check_stereo(first: Camera, uvs_first: ArrayLike, second: Camera, uvs_second
     p = points.ps_world_m
     radii = [ball_circles(camera, p).r_px for camera in (first, second)]
     return StereoCheck(p, np.sqrt(2.0) * points.residuals_px, np.column_stack(radii))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Position:
+    """Where one camera has the ball at an instant, pixels."""
+
+    x_px: float
+    y_px: float
+    covariance_px2: Covariance | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BallInSpace:
+    """The ball as the cameras see it together at one instant."""
+
+    p_world_m: Array
+    """(3,)."""
+    covariance_m2: Array
+    """(3, 3), from that of the positions."""
+    residual_px: float
+    """Root mean square distance of the positions from its projections, of the cameras that it is made of."""
+    off_px: Mapping[str, float]
+    """Distance of each camera's position from its projection; also of the cameras that were left out."""
+    cameras: tuple[str, ...]
+    """Those that it is made of: of three or more, not those that have something elsewhere."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reprojection:
+    """A ball in space as it is in one camera's picture."""
+
+    x_px: float
+    y_px: float
+    r_px: float
+    covariance_px2: Covariance
+
+
+def ball_in_space(cameras: Mapping[str, Camera], positions: Mapping[str, Position]) -> BallInSpace | None:
+    """The ball at the positions that two or more of the cameras have of it; None where no two rays meet."""
+    known = {name: cameras[name] for name in positions if name in cameras}
+    if len(known) < 2:
+        return None
+    rig = StereoRig(known, TriangulationConfig(sigma_px=SIGMA_PX, max_residual_px=JUDGED_PX))
+    uvs = np.array([(positions[name].x_px, positions[name].y_px) for name in known])
+    point = rig.triangulate_one(uvs, np.array([_matrix(positions[name].covariance_px2) for name in known]))
+    if point is None:
+        return None
+    seen = [camera.project(point.p_world_m)[0] for camera in known.values()]
+    off_px = {name: float(np.hypot(*(uv - at))) for name, uv, at in zip(known, uvs, seen, strict=True)}
+    used = point.cameras or tuple(known)
+    return BallInSpace(point.p_world_m, point.covariance_m2, point.residual_px, off_px, used)
+
+
+def reproject(ball: BallInSpace, camera: Camera) -> Reprojection | None:
+    """The ball in a camera's picture, with the covariance of its centre there; None outside the picture."""
+    circle = ball_circles(camera, ball.p_world_m)
+    x, y, r = float(circle.u_px[0]), float(circle.v_px[0]), float(circle.r_px[0])
+    inside = -0.5 <= x < camera.sensor.width_px - 0.5 and -0.5 <= y < camera.sensor.height_px - 0.5
+    if not (np.isfinite(r) and inside):
+        return None
+    slope, R = np.full((2, 3), np.nan), np.ascontiguousarray(camera.T_world_camera[:3, :3])
+    project_with_slopes(ball.p_world_m, camera.position_world_m, R, camera.lens_row(), slope)
+    spread = slope @ ball.covariance_m2 @ slope.T + CALIBRATION_PX**2 * np.eye(2)
+    if not np.isfinite(spread).all():
+        return None
+    return Reprojection(x, y, r, (float(spread[0, 0]), float(spread[0, 1]), float(spread[1, 1])))
+
+
+def median_residual_px(residuals_px: Sequence[Array]) -> Array | None:
+    """(N,) median over the other cameras of the residuals (N,) with each; None without one, nan where none is known.
+
+    A label that one of several other cameras contradicts stands, one that most of them contradict does not.
+    """
+    if not residuals_px:
+        return None
+    stack = np.stack(residuals_px)
+    middle = np.full(stack.shape[1], np.nan)
+    known = np.isfinite(stack).any(axis=0)
+    middle[known] = np.nanmedian(stack[:, known], axis=0)
+    return middle
+
+
+def _matrix(covariance_px2: Covariance | None) -> Array:
+    """(2, 2) covariance of a position and of the calibration."""
+    xx, xy, yy = covariance_px2 or (SIGMA_PX**2, 0.0, SIGMA_PX**2)
+    return np.array([[xx, xy], [xy, yy]]) + CALIBRATION_PX**2 * np.eye(2)

@@ -1,4 +1,4 @@
-"""All proposals of one free flight at once: those of both cameras that one ball explains, and those that it does not.
+"""All proposals of one free flight at once: those of two or more cameras that one ball explains, and the others.
 
 From a few instants round the cursor outwards: a flight is fitted, proposals a little beyond its ends are held against
 it, those that agree make it longer, until a bounce, a hit or the end of the proposals.
@@ -6,6 +6,7 @@ it, those that agree make it longer, until a bounce, a hit or the end of the pro
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -46,7 +47,7 @@ class WholeFlightConfig:
     sigmas: float = setting(4.0, 2.0, 10.0)
     """Nor one that is so many standard deviations of the others away."""
     least: int = setting(8, 5, 100)
-    """Proposals in each camera that a flight needs."""
+    """Proposals that a flight needs in each of two cameras."""
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -62,31 +63,35 @@ class Doubt:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WholeFlight:
-    """A flight and what it says of the proposals of both cameras, in the order in which they were given."""
+    """A flight and what it says of the proposals of each camera, in the order in which they were given."""
 
     flight: FittedFlight
     start_us: int
     end_us: int
     """Of the first and the last proposal that agree."""
-    agreed: tuple[Proposals, Proposals]
-    doubted: tuple[tuple[Doubt, ...], tuple[Doubt, ...]]
+    agreed: tuple[Proposals, ...]
+    doubted: tuple[tuple[Doubt, ...], ...]
 
 
 def whole_flight(
-    cameras: tuple[Camera, Camera],
-    proposals: tuple[Proposals, Proposals],
+    cameras: Sequence[Camera],
+    proposals: Sequence[Proposals],
     t_us: int,
     *,
     config: WholeFlightConfig | None = None,
 ) -> WholeFlight | None:
-    """The flight at or next to `t_us`; None where the proposals there are not of one ball in free flight."""
+    """The flight at or next to `t_us`; None where the proposals there are not of one ball in free flight.
+
+    `cameras` and their `proposals` are of two or more; two of them have to agree, whatever the others found.
+    """
     config = config or WholeFlightConfig()
     near = t_us - config.reach_us, t_us + config.reach_us
     views = tuple(_View(camera, part.between(*near)) for camera, part in zip(cameras, proposals, strict=True))
-    span = _seed(views, t_us, config)
+    seeds = (_seed(views, row, t_us, config) for row in range(len(views) - 1))
+    span = next((seed for seed in seeds if seed is not None), None)
     if span is None:
         return None
-    flight = _fit(cameras, views, span)
+    flight = _fit(views, span)
     open_ends = [-1, +1]
     while flight is not None and open_ends:
         for side in tuple(open_ends):
@@ -96,21 +101,21 @@ def whole_flight(
             else:
                 span = longer
         if open_ends:
-            flight = _fit(cameras, views, span)
+            flight = _fit(views, span)
     for _ in range(2):  # what agreed with the flight of before may not agree with the better one
         if flight is None:
             return None
         _agree(views, flight, span, config)
-        flight = _fit(cameras, views, span)
+        flight = _fit(views, span)
     if flight is None:
         return None
     _agree(views, flight, span, config)
-    if min(int(view.agreed.sum()) for view in views) < config.least:
+    if sum(int(view.agreed.sum()) >= config.least for view in views) < 2:
         return None
     times = np.concatenate([view.part.t_us[view.agreed] for view in views])
     start_us, end_us = int(times.min()), int(times.max())
-    agreed = views[0].taken(), views[1].taken()
-    doubted = views[0].doubts(flight, start_us, end_us), views[1].doubts(flight, start_us, end_us)
+    agreed = tuple(view.taken() for view in views)
+    doubted = tuple(view.doubts(flight, start_us, end_us) for view in views)
     return WholeFlight(flight, start_us, end_us, agreed, doubted)
 
 
@@ -156,41 +161,63 @@ _Views = tuple[_View, ...]
 _Span = tuple[int, int]
 
 
-def _seed(views: _Views, t_us: int, config: WholeFlightConfig) -> _Span | None:
-    """The instants round the cursor that most agree on one throw: each two of them are tried as its beginning."""
-    first, second = views
-    other = second.part.at(first.part.t_us)
-    uvs = np.stack([first.uv, np.column_stack([other.x_px, other.y_px])], axis=1)
-    found = StereoRig({"first": first.camera, "second": second.camera}).triangulate(uvs)
-    good = np.isfinite(found.ps_world_m).all(axis=1) & (found.residuals_px < config.tolerance_px)
-    good &= np.abs(first.part.t_us - t_us) <= config.seed_us
-    rows = np.flatnonzero(good)
-    rows = np.sort(rows[np.argsort(np.abs(first.part.t_us[rows] - t_us), kind="stable")[:SEED_PAIRS]])
+def _seed(views: _Views, anchor: int, t_us: int, config: WholeFlightConfig) -> _Span | None:
+    """The instants round the cursor that most agree on one throw: each two of them are tried as its beginning.
+
+    They are those of the proposals of the camera `anchor`, at which the others' are interpolated.
+    """
+    own_us = views[anchor].part.t_us
+    parts = [view.part if row == anchor else view.part.at(own_us) for row, view in enumerate(views)]
+    uvs = np.stack([np.column_stack([part.x_px, part.y_px]) for part in parts], axis=1)
+    near = np.abs(own_us - t_us) <= config.seed_us
+    points, uvs = _points(views, uvs, near, config)
+    rows = np.flatnonzero(np.isfinite(points).all(axis=1) & near)
+    rows = np.sort(rows[np.argsort(np.abs(own_us[rows] - t_us), kind="stable")[:SEED_PAIRS]])
     if len(rows) < config.least:
         return None
-    t, p, uv = (first.part.t_us[rows] - t_us) * 1e-6, found.ps_world_m[rows], uvs[rows]
+    t, p, uv = (own_us[rows] - t_us) * 1e-6, points[rows], uvs[rows]
     i, j = np.triu_indices(len(rows), 3)
     took = (t[j] - t[i])[:, None]
     v = (p[j] - p[i]) / took - 0.5 * GRAVITY * took
     since = (t[None, :] - t[i][:, None])[..., None]
     flown = p[i][:, None] + v[:, None] * since + 0.5 * GRAVITY * since**2
-    fits = np.ones(flown.shape[:2], np.bool_)
-    for camera, own in zip((first.camera, second.camera), (uv[:, 0], uv[:, 1]), strict=True):
-        seen = camera.project(flown.reshape(-1, 3)).reshape(*flown.shape[:2], 2)
-        fits &= np.linalg.norm(np.nan_to_num(seen - own, nan=1e3), axis=-1) < config.tolerance_px
-    best = fits[np.argmax(fits.sum(axis=1))]
-    if best.sum() < config.least:
+    off_px = []
+    for view, own in zip(views, uv.transpose(1, 0, 2), strict=True):
+        seen = view.camera.project(flown.reshape(-1, 3)).reshape(*flown.shape[:2], 2)
+        off_px.append(np.linalg.norm(np.nan_to_num(seen - own, nan=1e3), axis=-1))
+    fits = np.stack(off_px) < config.tolerance_px
+    best = fits[:, np.argmax((fits.sum(axis=0) >= 2).sum(axis=1))]
+    on_throw = best.sum(axis=0) >= 2
+    if on_throw.sum() < config.least:
         return None
-    times = first.part.t_us[rows[best]]
-    for view in views:
-        view.agreed = np.isin(view.part.t_us, times)
-    return int(times[0]), int(times[-1])
+    for view, fit in zip(views, best, strict=True):
+        view.agreed = np.isin(view.part.t_us, own_us[rows[on_throw & fit]])
+    return int(own_us[rows[on_throw]][0]), int(own_us[rows[on_throw]][-1])
 
 
-def _fit(cameras: tuple[Camera, Camera], views: _Views, span: _Span) -> FittedFlight | None:
+def _points(views: _Views, uvs: Array, wanted: Rows, config: WholeFlightConfig) -> tuple[Array, Array]:
+    """The points (N, 3) of positions (N, C, 2), and the positions that they are made of; nan where these disagree.
+
+    Of three cameras or more, what one found elsewhere than the others is left out; only `wanted` rows are looked at.
+    """
+    rig = StereoRig({str(row): view.camera for row, view in enumerate(views)})
+    if len(views) == 2:
+        found = rig.triangulate(uvs)
+        return np.where((found.residuals_px < config.tolerance_px)[:, None], found.ps_world_m, np.nan), uvs
+    points, used = np.full((len(uvs), 3), np.nan), np.full(uvs.shape, np.nan)
+    for row in np.flatnonzero(wanted & (np.isfinite(uvs[:, :, 0]).sum(axis=1) >= 2)):
+        found = rig.triangulate_one(uvs[row])
+        if found is not None and found.residual_px < config.tolerance_px:
+            points[row] = found.p_world_m
+            for camera in map(int, found.cameras):
+                used[row, camera] = uvs[row, camera]
+    return points, used
+
+
+def _fit(views: _Views, span: _Span) -> FittedFlight | None:
     for view in views:
         view.agreed &= view.between(*span)
-    return fit_flight(cameras, (views[0].keys(), views[1].keys()))
+    return fit_flight([view.camera for view in views], [view.keys() for view in views])
 
 
 def _agree(views: _Views, flight: FittedFlight, span: _Span, config: WholeFlightConfig) -> None:
@@ -208,6 +235,10 @@ def _agree(views: _Views, flight: FittedFlight, span: _Span, config: WholeFlight
 def _longer(views: _Views, flight: FittedFlight, span: _Span, side: int, config: WholeFlightConfig) -> _Span | None:
     """The span with one more piece on a side; None where the flight ends there."""
     edge = span[side > 0]
+    if len(views) > 2:  # one that found something else all the time neither shortens the flight nor makes it longer
+        views = tuple(view for view in views if 2 * view.agreed.sum() >= view.between(*span).sum() > 0)
+        if len(views) < 2:
+            return None
     times = np.concatenate([view.part.t_us for view in views])
     beyond = times[(times - edge) * side > 0]
     if not len(beyond):
@@ -228,7 +259,7 @@ def _longer(views: _Views, flight: FittedFlight, span: _Span, side: int, config:
         fine &= (when if side > 0 else -when) < np.min(wrong)
         if not fine.any():
             return None
-    for view, own, kept in zip(views, rows, np.split(fine, [int(rows[0].sum())]), strict=True):
+    for view, own, kept in zip(views, rows, np.split(fine, np.cumsum([own.sum() for own in rows[:-1]])), strict=True):
         view.agreed[own] |= kept
     reached = int(when[fine].max() if side > 0 else when[fine].min())
     return (span[0], reached) if side > 0 else (reached, span[1])

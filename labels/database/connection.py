@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 import sqlite3
 import time
@@ -164,7 +165,7 @@ def telling(path: Path, what: str, remedy: str = "") -> Iterator[None]:
 
 
 def _connect(path: Path, mode: str) -> sqlite3.Connection:
-    address = f"file:{quote(str(path.absolute()))}?mode={mode}"
+    address = f"file:{quote(os.fsencode(path.absolute()))}?mode={mode}"
     db = sqlite3.connect(address, uri=True, timeout=WAITS_S, isolation_level=None, check_same_thread=False)
     distrust(db)
     return db

@@ -8,6 +8,9 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import quote, unquote
 
+from core.errors import LabelError
+from core.text import encodable
+
 FILE: Final = "labels.sqlite"
 JOURNAL: Final = ".jsonl"
 BLIND_JOURNAL: Final = ".blind.jsonl"
@@ -22,6 +25,11 @@ class Layer:
     annotator: str
     blind: bool = False
     """The annotator's second look, made without seeing the first: it measures the annotator's own noise."""
+
+    def __post_init__(self) -> None:
+        for what, name in (("camera", self.camera), ("annotator", self.annotator)):
+            if encodable(name) != name:
+                raise LabelError(f"not a name of the {what}", expected="characters of Unicode", got=repr(name))
 
     def path(self, folder: Path) -> Path:
         """The store that it is in, together with all others of the recording."""

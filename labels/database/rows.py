@@ -6,6 +6,7 @@ import sqlite3
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from core.errors import LabelError
 from labels.arrays import SOURCES, STATES, LabelArrays, arrays_of_columns
@@ -150,6 +151,25 @@ def value_at(db: sqlite3.Connection, layer: int, t_us: int, *, upto: int) -> Val
         (layer, t_us, upto),
     ).fetchone()
     return None if row is None or row[0] is None else row
+
+
+def value_before_settling(db: sqlite3.Connection, layer: int, t_us: int, *, upto: int) -> Values | None:
+    """The newest label of one time, up to the edit `upto`, that settles no conflict; None: there was none."""
+    return db.execute(
+        f"SELECT {LISTED} FROM changes WHERE layer = ? AND t_us = ? AND edit <= ? AND state IS NOT NULL "
+        "AND source <> ? ORDER BY edit DESC LIMIT 1",
+        (layer, t_us, upto, PositionSource.SETTLED.value),
+    ).fetchone()
+
+
+def times_by_others(db: sqlite3.Connection, layer: int, annotator: str, *, upto: int) -> NDArray[np.int64]:
+    """Times, ascending, whose label after the edit `upto` names somebody else than this annotator."""
+    rows = db.execute(
+        "SELECT t_us, max(edit), state, annotator FROM changes WHERE layer = ? AND edit <= ? "
+        "GROUP BY t_us HAVING state IS NOT NULL AND annotator NOT IN ('', ?)",
+        (layer, upto, annotator),
+    )
+    return np.array([row[0] for row in rows], np.int64)
 
 
 def _number(value: str | float | int | None) -> float | None:

@@ -12,7 +12,7 @@ from core.errors import LabelError
 from labels.formats.exchange import CLASS_NAME, Collector, ImportContext, read_text
 from labels.formats.json_lines import parse_json
 
-LISTS: Final = ("classes.txt", "obj.names", "predefined_classes.txt", "_darknet.labels", "labels.txt")
+LISTS: Final = ("classes.txt", "obj.names", "predefined_classes.txt", "_darknet.labels", "labels.txt", "names.txt")
 """A name a line: LabelImg and Label Studio, CVAT and darknet, Roboflow."""
 YAMLS: Final = ("data.yaml", "data.yml", "dataset.yaml", "dataset.yml")
 NOTES: Final = "notes.json"
@@ -72,8 +72,12 @@ def find_ball_class(folder: Path, context: ImportContext, collector: Collector) 
         what = f"no class {wanted or CLASS_NAME!r} among {known}"
         collector.reject(file, 1, LabelError(what, remedy="give --ball-class NAME|N"))
         return None
+    for file in _lists_above(folder, next(iter(numbers)).parent):  # a tool may have left its own list beside the texts
+        above = [number for number, name in _content_of(file, Collector()).names.items() if context.is_ball(name)]
+        if len(above) == 1:
+            numbers[file] = above[0]
     if len(set(numbers.values())) > 1:
-        numbered = ", ".join(f"{number} in {file.name}" for file, number in numbers.items())
+        numbered = ", ".join(f"{number} in {file.parent.name}/{file.name}" for file, number in numbers.items())
         error = LabelError("lists of class names disagree", got=numbered, remedy="give --ball-class N")
         collector.reject(folder, 1, error)
         return None
@@ -84,14 +88,27 @@ def find_ball_class(folder: Path, context: ImportContext, collector: Collector) 
 
 def _lists(folder: Path) -> list[Path]:
     """The lists of the nearest folder that has any: the texts' own, or one above."""
-    for place in (folder, *folder.absolute().parents[:LEVELS]):
-        files = [place / name for name in (*LISTS, *YAMLS, NOTES) if (place / name).is_file()]
-        if not files:  # Ultralytics takes a YAML file of any name
-            others = sorted(file for file in (*place.glob("*.yaml"), *place.glob("*.yml")) if file.is_file())
-            files = [file for file in others[:MAX_YAMLS] if not file.name.startswith(".") and _has_names(file)]
-        if files:
-            return files
-    return []
+    return next((files for place in _places(folder) if (files := _lists_in(place))), [])
+
+
+def _lists_above(folder: Path, nearest: Path) -> list[Path]:
+    """The lists of the folders above the nearest one that has any."""
+    places = _places(folder)
+    at = next((number for number, place in enumerate(places) if place.samefile(nearest)), len(places))
+    return [file for place in places[at + 1 :] for file in _lists_in(place)]
+
+
+def _places(folder: Path) -> list[Path]:
+    return [folder, *folder.absolute().parents[:LEVELS]]
+
+
+def _lists_in(place: Path) -> list[Path]:
+    files = [place / name for name in (*LISTS, *YAMLS, NOTES) if (place / name).is_file()]
+    if files:
+        return files
+    # Ultralytics takes a YAML file of any name, darknet a list
+    others = sorted(file for end in ("yaml", "yml", "names") for file in place.glob(f"*.{end}") if file.is_file())
+    return [file for file in others[:MAX_YAMLS] if not file.name.startswith(".") and _has_names(file)]
 
 
 def _has_names(file: Path) -> bool:
@@ -126,7 +143,7 @@ def _keypoint_numbers(content: _Content) -> int | None:
 
 def _content_of(file: Path, collector: Collector) -> _Content:
     text = read_text(file, collector) or ""
-    if file.name in LISTS:
+    if file.name in LISTS or file.suffix == ".names":
         lines = [line.strip() for line in text.splitlines()]
         while lines and not lines[-1]:
             lines.pop()

@@ -19,6 +19,7 @@ from core.errors import LabelError, PluginError, RallyscopeError
 from core.events import SensorSize
 from core.files import replace_file
 from core.registry import Registry
+from core.text import decode_text, encoding_of
 from labels.formats.picture_names import PictureNumbers, other_camera_in, own_time, stem_of
 from labels.model import Label, LabelState, PositionSource, Provenance
 
@@ -190,9 +191,9 @@ class ImportContext:
             if r_px is not None and r_px < SMALLEST_PX:
                 got, remedy = f"radius {r_px:.3g} px", "are these shares of the picture, where pixels belong?"
                 raise LabelError("the ball is smaller than a pixel", got=got, remedy=remedy)
-            if r_px is not None and 2 * r_px > max(width, height):
-                got = f"radius {r_px:.1f} px"
-                raise LabelError("the ball is larger than the picture", expected=f"within {self.sensor}", got=got)
+            if r_px is not None and 2 * r_px > min(width, height) / 2:
+                got, remedy = f"radius {r_px:.1f} px", "are these corners of a box, where its centre and sides belong?"
+                raise LabelError("the ball is larger than half of the picture", got=got, remedy=remedy)
         return self.make(t_us, state, x_px, y_px, r_px)
 
     def unannotated(self, t_us: int) -> Label:
@@ -497,10 +498,13 @@ def read_text(file: Path, collector: Collector) -> str | None:
         collector.reject(file, 1, error.strerror or error)
         return None
     try:
-        return content.decode("utf-16" if content.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig")
+        text = decode_text(content)
     except UnicodeDecodeError as error:
-        collector.reject(file, 1 + content.count(b"\n", 0, error.start), f"not UTF-8 text: {error.reason}")
+        collector.reject(file, 1 + content.count(b"\n", 0, error.start), f"not text: {error.reason}")
         return None
+    if encoding_of(content) == "latin-1":
+        collector.note(f"{file.name} is not UTF-8: read as Latin-1")
+    return text
 
 
 def table_rows(text: str, file: Path, collector: Collector) -> Iterator[tuple[int, list[str]]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -26,6 +27,7 @@ UNITS: Final = {
     "t_ns": Fraction(1, 1000),
 }
 """Columns of times, and microseconds in each unit."""
+_TIME_NAME: Final = re.compile(r"^(?:time|timestamp|ts|stamp)[ _]?[\[(]?(?=(?:ns|us|ms|s)[\])]?$)")
 LARGEST_NUMBER: Final = 100_000_000
 
 
@@ -54,7 +56,7 @@ def read_frame_times(path: Path) -> FrameTimes:
         table = [[field.strip() for field in row] for row in csv.reader(lines, delimiter=delimiter_of(text)) if row]
     except csv.Error as error:
         raise LabelError("not a table of frame times", got=error, where=path) from error
-    header, rows = ([name.lower() for name in table[0]], table[1:]) if table else ([], [])
+    header, rows = ([_TIME_NAME.sub("t_", name.lower()) for name in table[0]], table[1:]) if table else ([], [])
     units = [name for name in UNITS if name in header]
     if len(units) != 1 or header.count(units[0]) != 1 or any(len(row) != len(header) for row in rows):
         got = ",".join(header)[:120] or "an empty file"

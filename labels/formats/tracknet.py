@@ -161,6 +161,8 @@ def _read_table(table: _Table, times: dict[int, int] | None, context: ImportCont
             if len(fields) != len(table.header):
                 raise LabelError("wrong number of fields", expected=len(table.header), got=len(fields))
             picture = fields[columns.picture].strip()
+            if times is None and not columns.shares and _is_corner(fields, columns):
+                raise LabelError("a ball in the very corner of the picture: 0, 0 stands for no position")
             if columns.named:
                 t_us = pictures.time_of(picture)
             else:
@@ -168,6 +170,12 @@ def _read_table(table: _Table, times: dict[int, int] | None, context: ImportCont
                     refuse_counting_from_1(numbers, len(context.frame_times_us))
                 t_us = _time_of(picture, times, context)
             collector.add(_label_of(fields, columns, t_us, context), file, line)
+
+
+def _is_corner(fields: list[str], columns: _Columns) -> bool:
+    """Whether a ball that is said to be visible has the position 0, 0, which other tools write where there is none."""
+    numbers = [fields[place].strip() for place in (columns.visibility, columns.x, columns.y)]
+    return numbers[0] in ("1", "1.0", "2", "2.0") and all(number in ("0", "0.0") for number in numbers[1:])
 
 
 def _numbers_in(pictures: list[str]) -> set[int]:

@@ -38,7 +38,7 @@ from labels.model import Label, LabelState
 
 CLASSES = "classes.txt"
 NO_LABELS = re.compile(
-    r"\.|(classes|labels|predefined_classes|train|val|valid|test|autosplit_.*|readme.*|requirements)\.txt$",
+    r"\.|(classes|names|labels|predefined_classes|train|val|valid|test|autosplit_.*|readme.*|requirements)\.txt$",
     re.IGNORECASE,
 )
 """Texts that stand beside those of the pictures, and hidden files."""
@@ -198,12 +198,14 @@ def _label_of(numbers: list[float], ball: BallClass, t_us: int, context: ImportC
         keypoint = 3 if count == 7 else 0
     if keypoint and count in (4 + keypoint, 5 + keypoint):
         box, point = numbers[:4], numbers[4 : 4 + keypoint]
-    elif count in (4, 5) and not keypoint:
-        box, point = numbers[:4], []
+    elif not keypoint and (count in (4, 5) or (count == 6 and numbers[5] > 1 and numbers[5].is_integer())):
+        box, point = numbers[:4], []  # a confidence and the number of a track may follow
     elif count >= 6 and not keypoint and (count % 2 == 0 or count >= 9):  # odd: a confidence follows
         return _label_of_polygon(numbers[: count - count % 2], t_us, context)
     else:
-        expected = "a class and 4 numbers (5 with a confidence), those with a keypoint, or 3 and more corners"
+        expected = (
+            "a class and 4 numbers (5 with a confidence, 6 with a track), those with a keypoint, or 3 and more corners"
+        )
         raise LabelError("not a line of YOLO", expected=expected, got=f"{count} numbers")
     x, y, w, h = box
     radius = (w * width + h * height) / 4

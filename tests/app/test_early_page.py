@@ -81,7 +81,7 @@ def test_icons_are_visers_and_its_archive_is_read_through_once(monkeypatch: pyte
 def test_the_app_starts_without_what_its_first_picture_does_not_need() -> None:
     code = "import app.cli.serve, app.startup.startup, app.server, sys; print(*sys.modules)"
     loaded = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300
     ).stdout.split()
     heavy = {"av", "matplotlib", "mujoco", "rerun", "scipy.interpolate", "scipy.optimize", "scipy.special"}
     assert not (heavy | {"scipy.spatial", "scipy.stats", "sklearn", "torch"}) & set(loaded)

@@ -25,7 +25,7 @@ from app.state.client_state import ClientState
 from app.state.commands import Seek, SetMode, UseConfig
 from app.web import gateway
 from benchmarks.app.bare_browser import BareBrowser
-from benchmarks.app.soak.process_usage import usage_of
+from benchmarks.app.served_app import usage_of
 from core.config import replace_setting
 from core.detection import DetectorConfig, refined_config
 from core.detection.saved import SavedDetector

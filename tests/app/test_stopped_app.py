@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 from benchmarks.app.bare_browser import BareBrowser
-from benchmarks.app.soak.served_app import served
+from benchmarks.app.served_app import served
 
 STOPPED_S = float(os.environ.get("RALLYSCOPE_STOPPED_S", "4"))
 PATIENCE_S = 120.0

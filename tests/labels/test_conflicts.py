@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from labels.agreement import made_independently
 from labels.arrays import label_arrays
 from labels.conflicts import compare_layers, find_conflicts, how_settled, settled_by, settlement
 from labels.merging import merge_stores
@@ -107,7 +106,13 @@ def test_a_store_that_somebody_writes_is_read_with_what_is_not_in_the_file_yet(t
         assert list(read_store(store.path).layers[Layer(UUID, "left", "anna")]) == [1, 2]
 
 
-def test_agreement_is_measured_without_labels_that_settle_conflicts() -> None:
+def test_what_was_said_before_a_conflict_was_settled_is_still_known(tmp_path: Path) -> None:
     theirs = ball(2, 30.0, made_at_us=9)
-    mine = label_arrays([ball(1, 10.0), ball(2, 30.0, settles=settlement("bea", theirs, "theirs")), ball(3, 7.0)])
-    assert made_independently(mine).t_us.tolist() == [1, 3]
+    with LabelStore.open(tmp_path, UUID, "left", "anna") as store:
+        store.edit(put=[ball(1, 10.0), ball(2, 20.0), ball(3, 7.0)])
+        store.put(ball(2, 30.0, settles=settlement("bea", theirs, "theirs")))
+        store.put(ball(4, 30.0, settles=settlement("bea", theirs, "theirs")))
+        found = store.independent()
+        assert (found.labels.t_us.tolist(), found.labels.x_px.tolist()) == ([1, 2, 3], [10.0, 20.0, 7.0])
+        assert (found.settled_us.tolist(), found.copied_us.tolist()) == ([2, 4], [])
+        assert store.labels().x_px.tolist() == [10.0, 30.0, 7.0, 30.0], "the labels themselves stay settled"

@@ -11,8 +11,7 @@ from core.config import replace_setting
 from core.detection import DetectorConfig, make_detector
 from core.errors import RecordingError
 from core.recordings import CameraStream, Recording, open_recording
-from core.tuning.objective import TuningStoppedError
-from core.tuning.split_score import figures_of
+from core.tuning.objective import TuningStoppedError, figures_of
 from labels.arrays import LabelArrays, label_arrays
 from labels.model import Label, LabelState
 from labels.score import score_labels

@@ -26,7 +26,7 @@ class Report:
     link: str
     was: str
     kind: str
-    files: Mapping[str, str]
+    files: Mapping[str, str | bytes]
     rows: list[Row] = field(default_factory=list)
     says: str = ""
     flags: tuple[str, ...] = ()
@@ -225,6 +225,39 @@ REPORTS = [
         says="no class 'ball' among ['person']",
     ),
     Report(
+        "https://github.com/HumanSignal/labelImg/issues/721",
+        "A list that LabelImg left beside the texts contradicts that of the data set: the persons became balls.",
+        "yolo",
+        {
+            "data.yaml": "names: [person, ball]\n",
+            "train/classes.txt": "ball\nperson\n",
+            "train/frame_000001.txt": f"1 {BALL}\n0 0.3 0.5 0.2 0.4\n",
+        },
+        says="lists of class names disagree",
+    ),
+    Report(
+        "https://github.com/pjreddie/darknet/issues/1870",
+        "A list of darknet of its own name, in Latin-1: it was not found.",
+        "yolo",
+        {"schläger.names": "schläger\nball\n".encode("latin-1"), "frame_000001.txt": f"1 {BALL}\n"},
+        [AT],
+        "read as Latin-1",
+    ),
+    Report(
+        "https://github.com/ultralytics/ultralytics/issues/1357",
+        "Confidence and number of a track follow the box: they were taken for the corner of a polygon.",
+        "yolo",
+        {"data.yaml": "names: [ball]\n", "frame_000001.txt": f"0 {BALL} 0.83 17\n"},
+        [AT],
+    ),
+    Report(
+        "https://github.com/chuanenlin/drone-net/issues/1",
+        "Two corners in shares where centre and sides belong: a ball of 210 px was taken.",
+        "yolo",
+        {"data.yaml": "names: [ball]\n", "frame_000001.txt": "0 0.49 0.24 0.51 0.26\n"},
+        says="larger than half of the picture",
+    ),
+    Report(
         "https://github.com/GreatV/labelme2yolo/issues/25",
         "Nine columns are a polygon (labelme2yolo): they were refused as no YOLO.",
         "yolo",
@@ -281,6 +314,14 @@ REPORTS = [
         "tracknet",
         {"match1.csv": "Frame,Visibility,X,Y\n0,1,0.461,0.451\n1,1,0.463,0.45\n"},
         says="shares of the picture",
+    ),
+    Report(
+        "https://github.com/maudzung/TTNet-Real-time-Analysis-System-for-Table-Tennis-Pytorch/issues/34",
+        "Positions -1, -1 are those of no ball there, and 0, 0 in other tables: that was a ball in the corner.",
+        "tracknet",
+        {"match1.csv": "Frame,Visibility,X,Y\n0,1,0,0\n1,1,639.5,179.5\n2,1,-1,-1\n"},
+        [AT],
+        "0, 0 stands for no position",
     ),
     Report(
         "https://github.com/mareksubocz/TrackNet/issues/2",

@@ -17,11 +17,10 @@ from typing import Final, NamedTuple
 import cv2
 import numpy as np
 
-from app.export.events.event_slices import check_cameras, event_slices
+from app.export.events import check_cameras, event_slices
 from app.export.ros import messages as ros
 from app.export.ros.messages import BagFolder, McapFile, MessageFile, RosMessages
-from app.export.selection import Span
-from app.export.small_png import polarity_png
+from app.export.selection import Span, polarity_png
 from app.export.steps import ChainFollower, window_length_us
 from app.export.unfinished import Cancelled, Progress, check_cancelled, unfinished_file, unfinished_folder
 from core.cameras import Camera

@@ -1,18 +1,177 @@
-"""Rerun entities of one camera: pictures, stages of the detector, detections, truth and labels."""
+"""Rerun entities of one camera: pictures, stages of the detector, detections, truth and labels.
+
+Pictures are made beside the chain: in other processes where there are many, because most of the work is Python.
+"""
 
 from __future__ import annotations
 
+import multiprocessing
+import os
+from collections import deque
 from collections.abc import Sequence
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import dataclass
+from enum import IntEnum
+from types import TracebackType
+from typing import Final, Self
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from app.export.rrd.camera_picture import CameraPicture
 from app.export.rrd.paths import HALF_PIXEL, lengths_of, send, stacked, time_column
-from core.detection import Detection
+from app.export.selection import polarity_png
+from core.detection import Detection, DetectorConfig, PipelineTrace, TrackState, trace_window
+from core.detection.fast.cluster import grid_labels
+from core.detection.stages.roi import Roi
+from core.events import Window, polarity_image
+from core.files import end_with_parent
 from core.recordings import PixelTruth
+from core.registry import load_plugin_files
 from labels.arrays import LabelArrays
+
+
+class EventStage(IntEnum):
+    """Last stage that an event passed after denoising."""
+
+    DENOISED = 1
+    """In no cluster."""
+    REJECTED = 2
+    """In a cluster that was rejected."""
+    TRAILING = 3
+    """Palette index of events of the ball that are not on its leading edge."""
+    LEADING = 4
+    """Palette index of events on the ball's leading edge; the circle encloses these."""
+
+
+EVENT_STAGE_NAMES = {
+    EventStage.DENOISED: "denoised, no cluster",
+    EventStage.REJECTED: "cluster, rejected",
+    EventStage.TRAILING: "ball",
+    EventStage.LEADING: "ball, leading edge",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PictureJob:
+    """Input of a picture, small enough to send to another process."""
+
+    window: Window
+    before: TrackState
+    config: DetectorConfig
+    stages: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraPicture:
+    """Pixel coordinates are event addresses: (0.0, 0.0) is the centre of the first pixel."""
+
+    t_us: int
+    """End of the window."""
+    png: bytes
+    events_px: NDArray[np.float32]
+    """(N, 2) events left after denoising."""
+    event_stages: NDArray[np.uint16]
+    """(N,) values of `EventStage`."""
+    hulls_px: tuple[NDArray[np.float32], ...]
+    """Closed outlines (K, 2) of the clusters that were measured."""
+    accepted: tuple[bool, ...]
+    """Whether each of them was accepted."""
+    roi: Roi | None
+
+
+def make_picture(job: PictureJob) -> CameraPicture:
+    """Draw one window and run the detector on it."""
+    window = job.window
+    png = polarity_png(polarity_image(window.events))
+    if not job.stages:
+        return CameraPicture(window.end_us, png, np.empty((0, 2), np.float32), np.empty(0, np.uint16), (), (), None)
+    trace = trace_window(window, job.before, job.config, label_clusters=grid_labels)
+    clean = trace.stage("denoise").events
+    shapes = [(one.shape.hull_px, one.rejected is None) for one in trace.candidates if one.shape is not None]
+    shapes = [(hull, accepted) for hull, accepted in shapes if len(hull) > 2]
+    return CameraPicture(
+        window.end_us,
+        png,
+        np.column_stack([clean.x_px, clean.y_px]).astype(np.float32),
+        _event_stages(trace),
+        tuple(np.concatenate([hull, hull[:1]]).astype(np.float32) for hull, _ in shapes),
+        tuple(accepted for _, accepted in shapes),
+        trace.roi,
+    )
+
+
+def _event_stages(trace: PipelineTrace) -> NDArray[np.uint16]:
+    event_stages = np.full(len(trace.labels), EventStage.DENOISED, np.uint16)
+    event_stages[trace.labels >= 0] = EventStage.REJECTED
+    for one in trace.candidates:
+        if one.rejected is None:
+            event_stages[one.rows] = EventStage.TRAILING
+            event_stages[one.leading_rows] = EventStage.LEADING
+    return event_stages
+
+
+WORKERS: Final = min(2, os.cpu_count() or 1)
+WORTH_PROCESSES: Final = 1000
+"""Fewer pictures than this are made before a new process has loaded its libraries."""
+WAITING: Final = 128
+"""Batches on their way at a time: bounds the memory."""
+BATCH: Final = 16
+
+
+class PicturePool:
+    """Takes jobs in order and gives pictures back in the same order, under the key they were given with."""
+
+    def __init__(self, expected: int) -> None:
+        """For about `expected` pictures."""
+        self._executor: Executor
+        if expected >= WORTH_PROCESSES:
+            context = multiprocessing.get_context("spawn")
+            self._executor = ProcessPoolExecutor(WORKERS, mp_context=context, initializer=_start_process)
+        else:
+            self._executor = ThreadPoolExecutor(1, thread_name_prefix="export-picture")
+        self._pending: deque[tuple[list[str], Future[list[CameraPicture]]]] = deque()
+        self._keys: list[str] = []
+        self._jobs: list[PictureJob] = []
+
+    def submit(self, key: str, job: PictureJob) -> None:
+        """Add a picture to make."""
+        self._keys.append(key)
+        self._jobs.append(job)
+        if len(self._jobs) >= BATCH:
+            self._send()
+
+    def ready(self, *, everything: bool = False) -> list[tuple[str, CameraPicture]]:
+        """Those that are made; with `everything`, wait for all of them."""
+        if everything and self._jobs:
+            self._send()
+        found: list[tuple[str, CameraPicture]] = []
+        while self._pending and (everything or len(self._pending) > WAITING or self._pending[0][1].done()):
+            keys, future = self._pending.popleft()
+            found += zip(keys, future.result(), strict=True)
+        return found
+
+    def _send(self) -> None:
+        self._pending.append((self._keys, self._executor.submit(_make, self._jobs)))
+        self._keys, self._jobs = [], []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._executor.shutdown(wait=True, cancel_futures=True)
+
+
+def _start_process() -> None:
+    end_with_parent()
+    load_plugin_files()  # a job holds a config, which may have a plugin's section
+
+
+def _make(jobs: list[PictureJob]) -> list[CameraPicture]:
+    return [make_picture(job) for job in jobs]
+
 
 DETECTION_RGB = (255, 225, 60)
 TRUTH_RGB = (60, 230, 230)

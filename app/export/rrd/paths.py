@@ -1,13 +1,24 @@
-"""Names in an exported Rerun recording, and conversions at its boundary."""
+"""Names in an exported Rerun recording, conversions at its boundary, and writing the file under a temporary name;
+Rerun itself packs it at the end.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 from numpy.typing import ArrayLike, NDArray
+
+from app.export.unfinished import Cancelled, check_cancelled, unfinished_file
+from core.errors import RecordingError
+from core.text import encodable
 
 TIMELINE: Final = "recording_time"
 """Microseconds since the start of the recording."""
@@ -58,3 +69,39 @@ def lengths_of(rows: Sequence[Sequence | NDArray]) -> list[int]:
 def stacked(rows: Sequence[NDArray], width: int) -> NDArray[np.float32]:
     """Rows of (N, width) below one another, also if there are none."""
     return np.concatenate([np.empty((0, width)), *rows]).astype(np.float32)
+
+
+@contextmanager
+def rerun_file(
+    path: Path, blueprint: rrb.Blueprint, *, recording_id: str, overwrite: bool, cancelled: Cancelled
+) -> Iterator[rr.RecordingStream]:
+    """The stream to log to; at the end of the block it becomes the file. If the block raises, there is no file.
+
+    Raises:
+        CommandError: if the file exists and `overwrite` is not set, or it cannot be written.
+        ExportCancelledError: if `cancelled()` is true.
+    """
+    with unfinished_file(path, overwrite=overwrite) as unfinished:
+        raw = unfinished.with_name("raw.rrd")
+        stream = rr.RecordingStream(APPLICATION, recording_id=recording_id)
+        stream.save(raw, default_blueprint=blueprint)
+        try:
+            stream.send_recording_name(encodable(path.stem))
+            yield stream
+            stream.flush()
+        finally:
+            stream.disconnect()
+        check_cancelled(cancelled)
+        _optimize(raw, unfinished)
+        check_cancelled(cancelled)
+
+
+def _optimize(raw: Path, path: Path) -> None:
+    """Let Rerun pack the file: fewer and larger chunks open faster."""
+    packed = raw.with_name("packed.rrd")
+    command = [sys.executable, "-m", "rerun", "rrd", "optimize", raw.name, "-o", packed.name]
+    # In their folder and by names of our own: Rerun takes no name that is not UTF-8.
+    done = subprocess.run(command, cwd=raw.parent, capture_output=True, text=True, errors="replace", check=False)
+    if done.returncode or not packed.is_file():
+        raise RecordingError("Rerun could not optimize its file", got=(done.stderr or done.stdout)[-300:])
+    packed.replace(path)

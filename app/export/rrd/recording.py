@@ -10,15 +10,13 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from app.export.rrd import blueprint as rrd_blueprint
 from app.export.rrd import camera as rrd_camera
-from app.export.rrd import plots as rrd_plots
 from app.export.rrd import rally as rrd_rally
-from app.export.rrd.arena import log_arena, log_cameras
 from app.export.rrd.blueprint import recording_blueprint
-from app.export.rrd.camera_picture import CameraPicture, PictureJob
-from app.export.rrd.file import rerun_file
-from app.export.rrd.paths import picture_path
-from app.export.rrd.picture_pool import PicturePool
+from app.export.rrd.camera import CameraPicture, PictureJob, PicturePool
+from app.export.rrd.paths import picture_path, rerun_file
+from app.export.rrd.rally import log_arena, log_cameras
 from app.export.selection import DEFAULT_STRIDE_US, Span
 from app.export.steps import ChainFollower, ChainStep, window_length_us
 from app.export.unfinished import Cancelled, Progress, check_cancelled
@@ -121,7 +119,7 @@ class RallyWriter:
             log_arena(self._stream, self._contents.chain.predictor.hit_x_m)
         log_cameras(self._stream, self._cameras)
         if self._contents.plots:
-            rrd_plots.log_styles(self._stream, list(self._cameras))
+            rrd_blueprint.log_styles(self._stream, list(self._cameras))
 
     def write(
         self, recording: Recording, span: Span, pool: PicturePool, progress: Progress, cancelled: Cancelled
@@ -150,7 +148,7 @@ class RallyWriter:
             ("/episodes", "serve_us", rrd_rally.send_episodes),
         ]
         if self._contents.plots:
-            senders.append(("/episodes", "serve_us", rrd_plots.send_rewards))
+            senders.append(("/episodes", "serve_us", rrd_blueprint.send_rewards))
         for group, clock, write in senders:
             rows = self._groups(group)
             if rows is not None:
@@ -158,7 +156,7 @@ class RallyWriter:
                 if inside.any():
                     write(stream, {name: column[inside] for name, column in rows.items()})
         if self._contents.plots:
-            rrd_plots.send_rates(stream, recording, span)
+            rrd_blueprint.send_rates(stream, recording, span)
         for name, labels in self._contents.labels.items():
             placed = labels.between(span.start_us, span.end_us)
             rrd_camera.send_labels(stream, self._paths[name], placed, self._contents.stride_us)
@@ -197,4 +195,4 @@ class RallyWriter:
             if camera.truth is not None:
                 rrd_camera.send_truth(stream, self._paths[name], camera.truth, np.array(times))
         if self._contents.plots:
-            rrd_plots.send_step_curves(stream, recording, steps)
+            rrd_blueprint.send_step_curves(stream, recording, steps)

@@ -10,13 +10,11 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from app.export.rrd.arena import log_arena
-from app.export.rrd.blueprint import run_blueprint
-from app.export.rrd.file import rerun_file
-from app.export.rrd.paths import EPISODE, PLOTS, WORLD, send
-from app.export.rrd.plots import COLOURS
+from app.export.rrd.blueprint import COLOURS, run_blueprint
+from app.export.rrd.paths import EPISODE, PLOTS, WORLD, rerun_file, send
+from app.export.rrd.rally import log_arena
 from app.export.unfinished import Cancelled, Progress, check_cancelled
-from app.scene.landing import CASE_NAMES, CASE_RGB
+from app.scene.prediction import CASE_NAMES, CASE_RGB
 from core.errors import CommandError
 from core.learning.runs.run_files import read_lines, read_run, seed_files
 from core.physics.episode import Case

@@ -11,8 +11,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from app.export.frozen import freeze
+from app.export.rrd.camera import PicturePool
 from app.export.rrd.paths import APPLICATION
-from app.export.rrd.picture_pool import PicturePool
 from app.export.rrd.recording import RallyWriter, RrdContents, blueprint_of
 from app.export.selection import Span
 from app.export.unfinished import Cancelled, Progress, check_cancelled
@@ -20,6 +20,7 @@ from core.errors import CommandError
 from core.live.ring_recording import RingRecording
 from core.recordings import Recording
 from core.recordings.layout import Rows
+from core.text import encodable
 
 CONNECT_S: Final = 4.0
 FLUSH_S: Final = 20.0
@@ -43,7 +44,7 @@ def viewer_stream(
     stream = rr.RecordingStream(APPLICATION, recording_id=recording_id)
     stream.connect_grpc(address, default_blueprint=blueprint)
     try:
-        stream.send_recording_name(name)
+        stream.send_recording_name(encodable(name))
         _flush(stream, address, CONNECT_S, "no Rerun viewer answers")
 
         def check() -> None:

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from app.export.scenes.drawn_scene import SceneDrawing
-from app.export.scenes.moments import SceneMoment, scene_moments
+from app.export.scenes.scene_file import SceneMoment, scene_moments
 from app.export.selection import Span
 from app.export.unfinished import Cancelled, Progress, unfinished_file
 from app.pictures.palette import PaletteIndex, palette
-from app.scene.viewpoints import standpoint
+from app.scene.view_camera import standpoint
 from core.chain import ChainConfig
 from core.errors import CommandError
 from core.events import SensorSize, polarity_image

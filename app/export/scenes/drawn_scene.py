@@ -12,15 +12,31 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from app.scene.arena import APRON_M, APRON_RGB, LEGS_M, LINE_RGB, STEEL_RGB, TOP_THICKNESS_M
-from app.scene.ball import BALL_RGB, CORE_RGB, RIM_RGB, TRUTH_RGB
-from app.scene.landing import CASE_RGB, TARGET_RGB
+from app.scene.arena import (
+    APRON_M,
+    APRON_RGB,
+    BLADE_RADIUS_M,
+    FRONT_RGB,
+    HANDLE_M,
+    HANDLE_RGB,
+    LEGS_M,
+    LINE_RGB,
+    STEEL_RGB,
+    TOP_THICKNESS_M,
+)
+from app.scene.arena import TARGET_RGB as GHOST_RGB
+from app.scene.ball import BALL_RGB, CORE_RGB, DARKNESS, POINTS, RIM_RGB, TRUTH_RGB, resampled, shadow_of, speed_colours
 from app.scene.painted import FLOOR_SIZE_M, RIM_TO, RING_TO, SHADOW_RGB, backdrop_picture, floor_picture
-from app.scene.prediction import AFTER_RGB, BEFORE_RGB, BOUNCE_M, PLANE_HEIGHT_M, PLANE_RGB, PLANE_WIDTH_M
-from app.scene.racket import BLADE_RADIUS_M, FRONT_RGB, HANDLE_M, HANDLE_RGB
-from app.scene.racket import TARGET_RGB as GHOST_RGB
-from app.scene.shadow import DARKNESS, shadow_of
-from app.scene.trail import POINTS, resampled, speed_colours
+from app.scene.prediction import (
+    AFTER_RGB,
+    BEFORE_RGB,
+    BOUNCE_M,
+    CASE_RGB,
+    PLANE_HEIGHT_M,
+    PLANE_RGB,
+    PLANE_WIDTH_M,
+    TARGET_RGB,
+)
 from app.scene.view_camera import MIN_SHARE
 from app.views.viewpoint import Viewpoint
 from core.cameras import Camera

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from app.export.scenes.drawn_scene import SceneDrawing
 from app.export.unfinished import Cancelled, Progress, check_cancelled
-from app.scene.landing import CASE_NAMES, CASE_RGB, REACH_M, SPOTS
-from app.scene.viewpoints import standpoint
+from app.scene.prediction import CASE_NAMES, CASE_RGB, REACH_M, SPOTS
+from app.scene.view_camera import standpoint
 from app.shared.training_records import AFTER_LANDING_S, Replay, ball_of_line, number, replay_ball
 from core.errors import CommandError
 from core.events import SensorSize

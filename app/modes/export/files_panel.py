@@ -10,7 +10,7 @@ import viser
 from app import theme
 from app.export.exporter import ExportedFile, ExportState
 from app.export.viewer_streamer import StreamState
-from app.formatting.text import html_text, percent, size_text
+from app.formatting import html_text, percent, size_text
 from app.modes.mode import STYLE, state_html
 from app.widgets import Listing, when_clicked
 

@@ -10,8 +10,8 @@ import viser
 
 from app import theme
 from app.export.formats import FORMATS
-from app.formatting.text import html_text
-from app.state.settings_text import default_config
+from app.formatting import html_text
+from app.state.browser_memory import default_config
 from app.widgets import Choice, Listing, titles_of, when_changed
 from core.detection.saved import SavedDetector
 

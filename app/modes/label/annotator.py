@@ -11,7 +11,7 @@ from typing import Final
 import viser
 
 from app import theme
-from app.formatting.text import html_text
+from app.formatting import html_text
 from app.modes.label.labelling import DEFAULT_ANNOTATOR
 from app.shared.workspace import slug_from
 from app.widgets import when_clicked

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from app.background.worker import LatestWins
+from app.background.jobs import LatestWins
 from app.modes.label.comparison import LabelComparison, LabelsOf, compare_labels
 from app.modes.label.editor import LabelEditor
 from app.modes.label.labelling import Labelling

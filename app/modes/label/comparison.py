@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from app.modes.label.label_picture import CircleMark, Mark
 from app.pictures.palette import PaletteIndex
-from core.text.plain_text import plain
+from core.text import plain
 from labels.arrays import SOURCES, LabelArrays
 from labels.conflicts import compare_layers, settled_by
 from labels.model import Label, PositionSource

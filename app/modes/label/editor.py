@@ -18,6 +18,7 @@ from app.modes.label.label_changes import ShownPicture, copied, label_from_click
 from app.modes.label.label_picture import PicturePlan
 from app.modes.label.label_writer import Change, LabelWriter, Saved
 from app.modes.label.labelling import WINDOWS_US, ZOOMS, Labelling, UnfitClick
+from app.modes.label.sightings import draft_at
 from app.modes.label.sources import LabelSource
 from core.errors import LabelError, RallyscopeError
 from core.events import Events
@@ -87,19 +88,23 @@ class LabelEditor:
         *,
         show: bool = False,
         then: Callable[[Saved], None] = lambda saved: None,
-        partner_change: Change | None = None,
     ) -> bool:
         """Save a change of the layer that is labelled.
 
-        `show`: go to what was changed. `then`: called once it is on the disk. `partner_change`: of the same person's
-        layer of the other camera. False if labels cannot be written yet: the act does nothing, and is done again later.
+        `show`: go to what was changed. `then`: called once it is on the disk. False if labels cannot be written yet:
+        the act does nothing, and is done again later.
         """
         if not self.callbacks.may_write(self._act):
             return False
-        layer, partner = self.labelling.layer, self.labelling.partner
-        self._save(layer, change, show, then)
-        if partner_change is not None and partner is not None:
-            self._save(replace(layer, camera=partner.name), partner_change, False, lambda saved: None)
+        self._save(self.labelling.layer, change, show, then)
+        return True
+
+    def write_all(self, changes: Mapping[str, Change]) -> bool:
+        """Save changes of the same person's layers of several cameras, by camera; False as for `write`."""
+        if not self.callbacks.may_write(self._act):
+            return False
+        for camera, change in changes.items():
+            self._save(replace(self.labelling.layer, camera=camera), change, False, lambda saved: None)
         return True
 
     def note(self, title: str, text: str, colour: str = "yellow") -> None:
@@ -212,13 +217,13 @@ class LabelEditor:
         if shown is None or shown.main.camera != now.view.camera or (r_px is not None and r_px <= 0):
             return
         t_us, source = shown.t_us, now.source
-        picture, draft = now.at(t_us, now.arrived_s).picture_to_label(time.monotonic()), now.draft(t_us)
+        picture, draft = now.at(t_us, now.arrived_s).picture_to_label(time.monotonic()), draft_at(now, t_us)
         snaps = now.view.snap and source.stream is not None and r_px is None
         unfit: list[UnfitClick] = []
 
         def change(store: LabelStore) -> tuple[int, ...]:
             label = label_from_click(x_px, y_px, picture, store.at(t_us), draft, r_px=r_px)
-            label = snapped(label, _near(source, t_us)) if snaps else label
+            label = snapped(label, events_near(source, t_us)) if snaps else label
             if label.r_px is None:
                 unfit.append(UnfitClick(now.layer, t_us, x_px, y_px, snaps))
                 return ()
@@ -265,7 +270,7 @@ class LabelEditor:
 
     def set_state(self, state: LabelState) -> None:
         """Say what is seen; go on after the states that need no position."""
-        picture, draft = self._picture(), self.labelling.draft(self.labelling.t_us)
+        picture, draft = self._picture(), draft_at(self.labelling, self.labelling.t_us)
         away = state in (LabelState.NO_BALL, LabelState.OUT_OF_FRAME)
         if self.change_label(lambda before: with_state(state, before, draft, picture)) and away:
             self._advance()
@@ -288,7 +293,7 @@ class LabelEditor:
         """Move the label to the circle that fits the events."""
         t_us, source = self.labelling.t_us, self.labelling.source
         self.change_label(
-            lambda before: snapped(before, _near(source, t_us)) if before and before.x_px is not None else None
+            lambda before: snapped(before, events_near(source, t_us)) if before and before.x_px is not None else None
         )
 
     def clear(self) -> None:
@@ -392,5 +397,6 @@ class LabelEditor:
             self.go_to(min(saved.touched_us, key=lambda t_us: abs(t_us - now.t_us)))
 
 
-def _near(source: LabelSource, t_us: int) -> Events:
+def events_near(source: LabelSource, t_us: int) -> Events:
+    """The events that a label at a time is snapped to."""
     return source.events(max(t_us - SNAP_REACH_US, 0), t_us + SNAP_REACH_US)

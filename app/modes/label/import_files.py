@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app import theme
-from app.formatting.text import html_text, note_html, table_row
+from app.formatting import html_text, note_html, table_row
 from app.modes.label.sources import LabelSource
 from core.errors import LabelError
 from core.recordings import Recording

@@ -11,8 +11,8 @@ import viser
 from numpy.typing import NDArray
 
 from app import theme
-from app.background.worker import LatestWins
-from app.formatting.text import html_text, note_html
+from app.background.jobs import LatestWins
+from app.formatting import html_text, note_html
 from app.modes.label.annotator import annotator_from
 from app.modes.label.editor import LabelEditor
 from app.modes.label.import_files import (

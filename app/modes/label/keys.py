@@ -13,7 +13,7 @@ from typing import Final, Literal
 from app.modes.label.conflicts import go_to_conflict, resolve_conflict, take_missing
 from app.modes.label.editor import EditorAct, LabelEditor
 from app.modes.label.labelling import BIG_NUDGE_PX, NUDGE_PX, RADIUS_STEP_PX, WINDOWS_US, ZOOMS
-from app.modes.label.suggestions import accept, accept_segment, interpolate, reject
+from app.modes.label.suggestions import accept, accept_all, accept_segment, interpolate, reject
 from labels.model import LabelState
 
 Modifier = Literal["shift"]
@@ -21,7 +21,8 @@ Modifier = Literal["shift"]
 KEYS: Final[tuple[tuple[str, Modifier | None, str, str], ...]] = (
     ("space", None, "accept", "Accept what is proposed, and go on"),
     ("enter", None, "accept_segment", "Accept the whole steady segment round here"),
-    ("space", "shift", "accept_flight", "Accept the whole flight round here, in both cameras"),
+    ("space", "shift", "accept_flight", "Accept the whole flight round here, in all cameras"),
+    ("U", "shift", "accept_all", "Accept what is proposed here in all cameras, and go on"),
     ("R", None, "reject", "Reject what is proposed"),
     ("N", None, "next", "Next time"),
     ("P", None, "previous", "Previous time"),
@@ -62,7 +63,7 @@ KEYS: Final[tuple[tuple[str, Modifier | None, str, str], ...]] = (
     ("J", None, "take_mine", "Conflict: yours is right; on to the next"),
     ("L", None, "take_theirs", "Conflict: theirs is right; on to the next"),
     ("J", "shift", "take_mean", "Conflict: the mean of both; on to the next"),
-    ("0", None, "camera", "Other camera"),
+    ("0", None, "camera", "Next camera"),
     ("1", None, "window_0", "Window 0.5 ms"),
     ("2", None, "window_1", "Window 1 ms"),
     ("3", None, "window_2", "Window 2 ms"),
@@ -145,6 +146,7 @@ def _view(**changes: object) -> EditorAct:
 
 ACTS: Final[Mapping[str, EditorAct]] = {
     "accept": accept,
+    "accept_all": accept_all,
     "accept_segment": accept_segment,
     "reject": reject,
     "next": lambda editor: editor.step(+1),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -52,8 +53,9 @@ class ProposedLabel:
     detector: str
 
 
+@lru_cache(maxsize=16)
 def proposed_at(proposals: Proposals, t_us: int) -> ProposedLabel | None:
-    """What is proposed at a time."""
+    """What is proposed at a time; of a few cameras it is kept, as one picture asks for it several times."""
     found = proposals.at(t_us)
     x, y, r = float(found.x_px[0]), float(found.y_px[0]), float(found.r_px[0])
     if not np.isfinite(x):

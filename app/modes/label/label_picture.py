@@ -9,8 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from app.pictures.canvas import TARGET_WIDTH_PX, Canvas, Region, encode_png
-from app.pictures.event_picture import Rendering, event_picture
+from app.pictures.canvas import TARGET_WIDTH_PX, Canvas, Region, Rendering, encode_png, event_picture
 from app.pictures.palette import PaletteIndex, PolarityColours, palette
 from app.views.mosaic import SheetText, css_colour
 from core.events import Events, SensorSize, Window
@@ -54,7 +53,17 @@ class BoxMark:
     ink: PaletteIndex
 
 
-Mark = CircleMark | LineMark | BoxMark
+@dataclass(frozen=True, slots=True)
+class PointMark:
+    """A point with the ellipse of its covariance."""
+
+    x_px: float
+    y_px: float
+    covariance_px2: tuple[float, float, float]
+    ink: PaletteIndex
+
+
+Mark = CircleMark | LineMark | BoxMark | PointMark
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +92,8 @@ class PicturePlan:
     t_us: int
     main: PictureKey
     overview: PictureKey
-    partner: PictureKey | None
+    others: tuple[PictureKey, ...]
+    """The other cameras."""
     legend: tuple[tuple[str, PaletteIndex], ...] = ()
     """Whose label is which, where two are drawn in the large picture."""
 
@@ -128,6 +138,9 @@ def _draw_marks(canvas: Canvas, key: PictureKey) -> None:
     for mark in key.marks:
         if isinstance(mark, LineMark):
             canvas.draw_polygon(mark.points_px, mark.ink, closed=False)
+        elif isinstance(mark, PointMark):
+            canvas.draw_circle(mark.x_px, mark.y_px, 0.0, mark.ink)
+            canvas.draw_ellipse(mark.x_px, mark.y_px, mark.covariance_px2, mark.ink, sigmas=SIGMAS)
         elif isinstance(mark, BoxMark):
             box = mark.region
             canvas.draw_box(box.x - 0.5, box.y - 0.5, box.x + box.width - 0.5, box.y + box.height - 0.5, mark.ink)

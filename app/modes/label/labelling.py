@@ -13,8 +13,8 @@ from app.modes.label.comparison import LabelComparison
 from app.modes.label.label_changes import ProposedLabel, ShownPicture, proposed_at
 from app.modes.label.label_picture import PicturePlan
 from app.modes.label.label_writer import Saved
-from app.modes.label.sources import LabelSource, partner_of, sources_of
-from app.state.playback import STEPS_US
+from app.modes.label.sources import LabelSource, others_of, sources_of
+from app.state.client_state import STEPS_US
 from core.cameras import Camera
 from core.recordings import Recording
 from labels.arrays import LabelArrays, label_arrays
@@ -53,7 +53,7 @@ class LabelView:
     follow: bool = True
     """Keep the ball, as far as it is known, in the middle of a zoomed picture."""
     epipolar: bool = True
-    """Show the other camera's ray, and how well the cameras agree."""
+    """Show the other cameras' rays, where they have the ball together, and how well they agree."""
     centre_px: tuple[float, float] | None = None
     """Of a zoomed picture, where nothing is known of the ball."""
     repeat: bool = False
@@ -192,9 +192,9 @@ class Labelling:
         return self.sources[self.view.camera]
 
     @property
-    def partner(self) -> LabelSource | None:
-        """The camera beside it."""
-        return partner_of(self.sources, self.view.camera)
+    def others(self) -> tuple[LabelSource, ...]:
+        """The cameras beside it, the next one first."""
+        return others_of(self.sources, self.view.camera)
 
     @property
     def here(self) -> CameraWork:
@@ -202,17 +202,11 @@ class Labelling:
         return self.works[self.view.camera]
 
     @property
-    def there(self) -> CameraWork | None:
-        """What is known in its partner."""
-        return None if self.partner is None else self.works[self.partner.name]
-
-    @property
-    def calibrations(self) -> tuple[Camera, Camera] | None:
-        """Calibrations of the labelled camera and of its partner; None unless both are known."""
-        partner = self.partner
-        if partner is None or self.source.calibration is None or partner.calibration is None:
-            return None
-        return self.source.calibration, partner.calibration
+    def rig(self) -> dict[str, Camera]:
+        """Calibrations by camera, that of the labelled one first; empty unless it and another are calibrated."""
+        sources = (self.source, *self.others)
+        known = {source.name: source.calibration for source in sources if source.calibration is not None}
+        return known if len(known) > 1 and self.view.camera in known else {}
 
     @property
     def grid(self) -> Grid:
@@ -242,10 +236,6 @@ class Labelling:
         if found is None or view.repeat or (found.camera, found.mine.annotator) != (view.camera, view.annotator):
             return None
         return found
-
-    def draft(self, t_us: int) -> ProposedLabel | None:
-        """What is proposed at a time and may be seen."""
-        return None if self.view.repeat else self.here.draft(t_us)
 
     def judged_picture(self, wall_s: float) -> ShownPicture:
         """The picture at the cursor as it is being judged; one without a window if it is not shown."""

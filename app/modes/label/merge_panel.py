@@ -8,7 +8,7 @@ from typing import Final
 import viser
 
 from app import theme
-from app.formatting.text import html_text, note_html
+from app.formatting import html_text, note_html
 from app.modes.label.comparer import LabelComparer
 from app.modes.label.comparison import LabelComparison, apart_px, pair_legend, short_name
 from app.modes.label.labelling import Labelling

@@ -17,12 +17,21 @@ from app.modes.label.editor import EditorAct, LabelCallbacks, LabelEditor
 from app.modes.label.import_panel import LabelImports
 from app.modes.label.keys import ACTS, HeldKeys
 from app.modes.label.label_picture import strip_time
-from app.modes.label.labelling import DEFAULT_STEP_US, LABEL_STEPS_US, ZOOMS, LabelView, Point, begin_labelling
+from app.modes.label.labelling import (
+    DEFAULT_STEP_US,
+    LABEL_STEPS_US,
+    ZOOMS,
+    Labelling,
+    LabelView,
+    Point,
+    begin_labelling,
+)
 from app.modes.label.merge_panel import MergePanel
 from app.modes.label.panel import LabelPanel, PanelActions
 from app.modes.label.pictures import LabelMosaic, LabelPictures
-from app.modes.label.plan import LabelScene, agreement_at
+from app.modes.label.plan import LabelScene
 from app.modes.label.results import LabelResults
+from app.modes.label.sightings import CameraAgreement, agreement_at, draft_at
 from app.modes.label.status import (
     Checked,
     checked_of,
@@ -38,7 +47,7 @@ from app.modes.label.suggestions import LabelSuggestions
 from app.modes.live_copy import LiveCopy
 from app.modes.mode import Middle, ModeHost
 from app.panels.time_bar import runs_of_times
-from app.pictures.event_picture import RENDERINGS
+from app.pictures.canvas import RENDERINGS
 from app.state.client_state import ClientState
 from app.state.commands import Seek, SetRendering, SetStep
 from app.views.image_view import DragPhase
@@ -82,6 +91,7 @@ class LabelMode:
         self._keys = HeldKeys(self._carry_out, self._waits, self._place)
         self._status: object = None
         self._counted: tuple[object, Checked] | None = None
+        self._agreed: tuple[object, CameraAgreement | None] | None = None
         self._pictures = LabelPictures(
             host.pool, lambda editor, mosaic: host.later(lambda: self._show_mosaic(editor, mosaic)), self._failed
         )
@@ -156,7 +166,7 @@ class LabelMode:
         if self._pictures.arrives(scene, now.t_us):
             self._ring, scene = None, replace(scene, ring=None)
         share = None if self._suggestions is None else self._suggestions.share
-        words = status_words(now, editor.writer, self._checked(editor), agreement_at(now, now.t_us), share)
+        words = status_words(now, editor.writer, self._checked(editor), self._agreement(now), share)
         if isinstance(self._recording, RingRecording):
             words = live_words(self._live.share)
         self._pictures.ask(editor, scene, words)
@@ -167,7 +177,7 @@ class LabelMode:
             self._host.later(self._keys.go_on)
 
     def clicked(self, x: float, y: float) -> None:
-        """The ball is here; or, in the strip or the overview, look there."""
+        """The ball is here; in the strip or the overview: look there; in another camera's picture: label that."""
         shown, editor = self._pictures.shown, self._editor
         if shown is None or editor is None:
             return
@@ -179,6 +189,10 @@ class LabelMode:
         elif (point := shown.overview.sensor_point(x, y)) is not None:
             editor.change_view({"centre_px": point, "zoom": max(editor.labelling.view.zoom, ZOOMS[1])})
             self._pictures.look_at(point)
+        else:
+            for camera, tile in shown.others:
+                if tile.sensor_point(x, y) is not None:
+                    editor.change_view({"camera": camera})
 
     def close(self) -> None:
         """The browser is gone."""
@@ -321,7 +335,7 @@ class LabelMode:
         self._panel.show_save(live_html(self._live.share) if live else save_html(now, editor.writer))
         proposals = proposals_html(now.here.proposals, suggestions.share, len(self._keys) > 0)
         self._panel.show_proposals(proposals, suggestions.share is not None)
-        known = (now.t_us, now.view, now.step_us, now.here, now.there, suggestions.reason_us, now.asking)
+        known = (now.t_us, now.view, now.step_us, now.works, suggestions.reason_us, now.asking)
         if known == self._status:
             return
         self._status = known
@@ -331,8 +345,15 @@ class LabelMode:
             self._panel.show_label(label, now.asking)
             self._panel.show_progress("" if live else progress_html(self._checked(editor)))
             reason = suggestions.reason_for(label)
-            drafted = now.here.draft(now.t_us) is not None
-            self._panel.show_here(here_html(label, drafted, agreement_at(now, now.t_us), reason, now))
+            draft = draft_at(now, now.t_us)
+            self._panel.show_here(here_html(label, draft, self._agreement(now), reason, now))
+
+    def _agreement(self, now: Labelling) -> CameraAgreement | None:
+        """Worked out anew when the cursor or what is known of the ball has changed, not at every turn of the loop."""
+        key = (now.t_us, now.view, now.works)
+        if self._agreed is None or self._agreed[0] != key:
+            self._agreed = (key, agreement_at(now, now.t_us))
+        return self._agreed[1]
 
     def _checked(self, editor: LabelEditor) -> Checked:
         """Counted anew when a label or the step changed."""

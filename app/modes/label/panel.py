@@ -24,6 +24,8 @@ STATE_NAMES: Final = {
 }
 """Act -> what its button says."""
 
+ACCEPT_ALL_HINT: Final = "What is proposed at this time. Labels in two cameras propose the ball in all others"
+
 
 @dataclass(frozen=True, slots=True)
 class PanelActions:
@@ -69,7 +71,9 @@ class LabelPanel:
         self._annotator = gui.add_text(
             "Annotator", DEFAULT_ANNOTATOR, hint="Whose labels these are: a layer of its own"
         )
-        self._camera = Listing(gui, "Camera", lambda name: actions.change(camera=name), hint="Key 0: the other one")
+        self._camera = Listing(
+            gui, "Camera", lambda name: actions.change(camera=name), hint="Key 0: the next one; or click its picture"
+        )
         windows = tuple(f"{window / 1e3:g}" for window in WINDOWS_US)
         self._window = Choice(gui, "Window [ms]", windows, self._choose_window, hint="Keys 1 to 5")
         zooms = tuple("whole" if zoom == 1 else f"{zoom:g}x" for zoom in ZOOMS)
@@ -112,6 +116,10 @@ class LabelPanel:
                 ("Second look (Shift K)", "blind", viser.Icon.EYE_OFF),
             ):
                 when_clicked(gui.add_button(label, icon=icon), lambda name=name: actions.act(name))
+            self._accept_all = gui.add_button(
+                "Accept in all cameras (Shift U)", icon=viser.Icon.CHECKBOX, visible=False, hint=ACCEPT_ALL_HINT
+            )
+        when_clicked(self._accept_all, lambda: actions.act("accept_all"))
         when_clicked(self._propose, lambda: actions.act("propose"))
         for field, handle in (
             ("snap", self._snap),
@@ -124,6 +132,7 @@ class LabelPanel:
     def offer_cameras(self, names: Sequence[str]) -> None:
         """Cameras of the recording."""
         self._camera.offer(tuple(names))
+        self._accept_all.visible = len(names) > 2
 
     def show_view(self, view: LabelView, step_us: int) -> None:
         """Let the controls follow what was chosen."""

@@ -9,7 +9,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Final
 
-from app.background.worker import LatestWins
+from app.background.jobs import LatestWins
 from app.modes.label.editor import LabelEditor
 from app.modes.label.label_picture import (
     HEIGHT_PX,
@@ -22,7 +22,15 @@ from app.modes.label.label_picture import (
     status_texts,
 )
 from app.modes.label.labelling import Labelling, Point
-from app.modes.label.plan import MAIN_WIDTH_PX, SIDE_WIDTH_PX, LabelScene, centre_at, plan_at
+from app.modes.label.plan import (
+    MAIN_WIDTH_PX,
+    SIDE_COLUMNS,
+    SIDE_GAP_PX,
+    LabelScene,
+    centre_at,
+    plan_at,
+    side_width_px,
+)
 from app.modes.label.sources import LabelSource
 from app.pictures.palette import PaletteIndex
 from app.views.mosaic import Mosaic, MosaicTile, SheetText, css_colour
@@ -46,6 +54,8 @@ class LabelMosaic:
     main: MosaicTile
     strip: MosaicTile
     overview: MosaicTile
+    others: tuple[tuple[str, MosaicTile], ...]
+    """The other cameras' names and pictures."""
 
 
 class PictureCache:
@@ -73,26 +83,30 @@ class PictureCache:
         return png
 
     def make_sheet(self, plan: PicturePlan, now: Labelling, strip_data: StripData) -> LabelMosaic:
-        """All pictures of a plan, laid out: the large one, the strip, then the whole and the other camera."""
+        """All pictures of a plan, laid out: the large one, the strip, then rows of the whole and the other cameras."""
         main = self._place(plan.main, now, 0, 0, MAIN_WIDTH_PX)
         strip_png = encode_strip(strip_data, plan.t_us, now.step_us, plan.main.colours)
         y = main.height + GAP_PX
         strip = MosaicTile(strip_png, plan.main.region, 0, y, MAIN_WIDTH_PX, HEIGHT_PX)
         y += HEIGHT_PX + GAP_PX
-        overview = self._place(plan.overview, now, 0, y, SIDE_WIDTH_PX)
-        pictures = [main, strip, overview]
+        below: list[MosaicTile] = []
+        width = side_width_px(len(plan.others) + 1)
+        for number, key in enumerate((plan.overview, *plan.others)):
+            column = number % SIDE_COLUMNS
+            if number and not column:
+                y = max(tile.y + tile.height for tile in below) + GAP_PX
+            below.append(self._place(key, now, column * (width + SIDE_GAP_PX), y, width))
+        pictures = [main, strip, *below]
         texts = [
             _title(plan.main, main),
             *_legend(plan, main),
             *status_texts(strip_data, strip.y + STATUS_PX / 2, plan.main.colours),
         ]
-        texts.append(_title(plan.overview, overview))
-        if plan.partner is not None:
-            x = MAIN_WIDTH_PX - SIDE_WIDTH_PX
-            pictures.append(self._place(plan.partner, now, x, y, SIDE_WIDTH_PX))
-            texts.append(_title(plan.partner, pictures[-1]))
+        texts += [_title(key, tile) for key, tile in zip((plan.overview, *plan.others), below, strict=True)]
         height = max(picture.y + picture.height for picture in pictures)
-        return LabelMosaic(Mosaic(tuple(pictures), MAIN_WIDTH_PX, height, tuple(texts)), plan, main, strip, overview)
+        others = tuple((key.camera, tile) for key, tile in zip(plan.others, below[1:], strict=True))
+        sheet = Mosaic(tuple(pictures), MAIN_WIDTH_PX, height, tuple(texts))
+        return LabelMosaic(sheet, plan, main, strip, below[0], others)
 
     def _place(self, key: PictureKey, now: Labelling, x: int, y: int, width: int) -> MosaicTile:
         png = self.get(key, now.sources[key.camera])
@@ -138,10 +152,10 @@ class Prefetcher:
     def _draw(self, request: tuple[int, LabelScene, int, Point]) -> None:
         number, scene, t_us, centre = request
         for plan in neighbours(scene, t_us, centre):
-            for key in (plan.main, plan.overview, plan.partner):
+            for key in (plan.main, plan.overview, *plan.others):
                 if number != self._number:
                     return
-                if key is not None and not self._cache.has(key):
+                if not self._cache.has(key):
                     self._cache.get(key, scene.now.sources[key.camera])
 
 
@@ -171,6 +185,7 @@ class LabelPictures:
         self._centre: Point | None = None
         self._arrival: object = None
         self._asked: object = None
+        self._planned: object = None
 
     @property
     def busy(self) -> bool:
@@ -182,11 +197,11 @@ class LabelPictures:
         self._cache = PictureCache()
         self._ahead.close()
         self._ahead = Prefetcher(self._pool, self._cache, self._failed)
-        self._centre = self._arrival = self._asked = self.shown = None
+        self._centre = self._arrival = self._asked = self._planned = self.shown = None
 
     def ask_again(self) -> None:
         """What was drawn is no longer on the screen."""
-        self._asked = None
+        self._asked = self._planned = None
 
     def close(self) -> None:
         """The browser is gone."""
@@ -214,6 +229,11 @@ class LabelPictures:
         """Draw what is to be seen now, unless that was asked for; then its neighbours."""
         now, centre = scene.now, self._centre
         assert centre is not None
+        planned = (now.t_us, centre, now.view, now.works, now.compared, now.asking, now.breaks_us, now.step_us)
+        planned = (*planned, scene.rendering, scene.colours, scene.ring, words)
+        if planned == self._planned:  # nothing has changed since the last turn: no ray has to be drawn again
+            return
+        self._planned = planned
         plan = plan_at(scene, now.t_us, centre)
         arrays, proposals = now.here.arrays, now.here.proposals
         known = (plan, arrays, proposals, now.breaks_us, now.step_us, words)

@@ -2,24 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from app.modes.label.comparison import pair_legend, pair_marks
-from app.modes.label.label_picture import STATE_INKS, BoxMark, CircleMark, LineMark, Mark, PictureKey, PicturePlan
-from app.modes.label.labelling import NEAR_US, CameraWork, Labelling, Point, window_around
+from app.modes.label.label_picture import (
+    STATE_INKS,
+    BoxMark,
+    CircleMark,
+    LineMark,
+    Mark,
+    PictureKey,
+    PicturePlan,
+    PointMark,
+)
+from app.modes.label.labelling import Labelling, Point, window_around
+from app.modes.label.sightings import FROM_OTHERS, agreement_at, draft_at, expected_at, positions_at, reprojected_at
 from app.modes.label.sources import LabelSource
-from app.pictures.canvas import Region
-from app.pictures.event_picture import Rendering
+from app.pictures.canvas import Region, Rendering
 from app.pictures.palette import PaletteIndex, PolarityColours
+from core.cameras import Camera
 from core.events import Events
-from labels.assist import check_stereo, epipolar_curve
-from labels.assist.both_views import labelled_positions_at
+from labels.assist import epipolar_curve
 
 MAIN_WIDTH_PX = 1280
-SIDE_WIDTH_PX = 634
+SIDE_COLUMNS, SIDE_GAP_PX = 4, 12
+"""Most pictures in a row below the strip, and the gap between two."""
 EPIPOLAR_POINTS = 48
+KEPT_RAYS = 256
+"""Rays that are kept: of four cameras, six at the cursor and at each of its neighbours."""
 CELL_PX = 16
 """About a ball's radius: side of the squares in which events are counted."""
 
@@ -35,20 +49,11 @@ class LabelScene:
     """A circle that is being drawn."""
 
 
-@dataclass(frozen=True, slots=True)
-class CameraAgreement:
-    """How well both cameras agree at a time."""
-
-    residual_px: float
-    expected_r_px: float
-    distance_m: float
-
-
 def centre_at(scene: LabelScene, t_us: int, before: Point | None) -> Point:
     """The middle of the zoomed picture at a time, coming from another one."""
     now, view, size = scene.now, scene.now.view, scene.now.source.size
     if view.follow and not view.repeat:
-        expected = now.here.expected(t_us)
+        expected = expected_at(now, t_us, view.camera)
         if expected is not None:
             return expected
         if view.centre_px is None and view.zoom > 1.0:
@@ -74,12 +79,12 @@ def plan_at(scene: LabelScene, t_us: int, centre: Point) -> PicturePlan:
     region = whole if view.zoom <= 1.0 else Region.around(*centre, source.size, view.zoom)
     mine = now.here.labels.get(t_us)
     theirs = None if compared is None else compared.theirs_beside(t_us, mine)
-    own = _work_marks(now.here, t_us, view.repeat)
+    own, lines = _work_marks(now, t_us, view.camera), _lines(now, t_us)
     legend: tuple[tuple[str, PaletteIndex], ...] = ()
     if compared is not None and theirs is not None:
         own = pair_marks(mine, theirs)
         legend = pair_legend((compared.mine.annotator, mine), (compared.theirs.annotator, theirs))
-    marks = (*own, *_epipolar(now, t_us))
+    marks = (*own, *lines.get(view.camera, ()))
     if scene.ring is not None:
         marks = (*marks, CircleMark(*scene.ring, PaletteIndex.TEXT))
     elif now.asking is not None:
@@ -88,77 +93,71 @@ def plan_at(scene: LabelScene, t_us: int, centre: Point) -> PicturePlan:
     name = f"{source.name}   {t_us / 1e6:.6f} s{repeat}"
     main = _key(scene, source, t_us, region, MAIN_WIDTH_PX, marks, name)
     box: tuple[Mark, ...] = (BoxMark(region, PaletteIndex.TEXT),) if view.zoom > 1.0 else ()
-    overview = _key(scene, source, t_us, whole, SIDE_WIDTH_PX, (*_bare(marks), *box), "whole picture")
-    return PicturePlan(t_us, main, overview, _partner_key(scene, t_us), legend)
+    width_px = side_width_px(len(now.others) + 1)
+    overview = _key(scene, source, t_us, whole, width_px, (*_bare(marks), *box), "whole picture")
+    agreement = agreement_at(now, t_us) if len(now.rig) > 2 else None
+    off_px = {} if agreement is None else agreement.off_px
+    others = tuple(_other_key(scene, other, t_us, lines.get(other.name, ()), off_px) for other in now.others)
+    return PicturePlan(t_us, main, overview, others, legend)
 
 
-def agreement_at(now: Labelling, t_us: int) -> CameraAgreement | None:
-    """How well this camera's ball agrees with the partner's at the same time."""
-    here, there, cameras = now.here.known(t_us), other_position(now, t_us), now.calibrations
-    if here is None or there is None or cameras is None or now.view.repeat:
-        return None
-    check = check_stereo(cameras[0], here, cameras[1], there)
-    residual = float(check.residual_px[0])
-    if not np.isfinite(residual):
-        return None
-    distance = float(np.linalg.norm(check.p_world_m[0] - cameras[0].position_world_m))
-    return CameraAgreement(residual, float(check.expected_r_px[0, 0]), distance)
+def _other_key(
+    scene: LabelScene, source: LabelSource, t_us: int, lines: tuple[Mark, ...], off_px: Mapping[str, float]
+) -> PictureKey:
+    """The picture of a camera beside the labelled one, with its distance from the ball of all where that is known."""
+    view, size = scene.now.view, source.size
+    marks = (*_work_marks(scene.now, t_us, source.name), *lines)
+    region = Region.of_sensor(size)
+    place = expected_at(scene.now, t_us, source.name) if view.zoom > 1.0 and view.follow else None
+    if place is not None:
+        region = Region.around(*place, size, view.zoom)
+    caption = f"{source.name}   {off_px[source.name]:.2f} px" if source.name in off_px else source.name
+    return _key(scene, source, t_us, region, side_width_px(len(scene.now.others) + 1), marks, caption)
 
 
-def other_position(now: Labelling, t_us: int) -> Point | None:
-    """Where the partner sees the ball: its label, its draft, or the curve through its labels."""
-    return None if now.there is None else _position(now.there, t_us)
+def side_width_px(pictures: int) -> int:
+    """Width of each of so many pictures below the strip: two to four stand beside each other."""
+    columns = min(max(pictures, 2), SIDE_COLUMNS)
+    return (MAIN_WIDTH_PX - (columns - 1) * SIDE_GAP_PX) // columns
 
 
-def _position(there: CameraWork, t_us: int) -> Point | None:
-    known = there.known(t_us)
-    if known is not None or t_us in there.labels:
-        return known
-    near = there.arrays.between(t_us - 4 * NEAR_US, t_us + 4 * NEAR_US)
-    x, y = labelled_positions_at(near, np.array([t_us]))[0].tolist() if len(near) else (np.nan, np.nan)
-    return (x, y) if np.isfinite(x) else None
+def _lines(now: Labelling, t_us: int) -> dict[str, tuple[Mark, ...]]:
+    """What the cameras' balls are in each other's pictures, by camera; nothing where one is not calibrated.
+
+    In the labelled one the balls of all others are rays, and a point where two or more have it together; in the others
+    its ball is a ray.
+    """
+    own, rig = now.view.camera, now.rig
+    if not now.view.epipolar or now.view.repeat or not rig:
+        return {}
+    positions = positions_at(now, t_us)
+    here = positions.get(own)
+    lines: dict[str, tuple[Mark, ...]] = {
+        name: () if here is None else _ray(rig[own], (here.x_px, here.y_px), camera)
+        for name, camera in rig.items()
+        if name != own
+    }
+    marks: list[Mark] = []
+    for name, there in positions.items():
+        if name != own:
+            marks += _ray(rig[name], (there.x_px, there.y_px), rig[own])
+    ball, draft = reprojected_at(now, t_us, own, positions), draft_at(now, t_us)
+    if ball is not None and (draft is None or draft.detector != FROM_OTHERS):
+        marks.append(PointMark(ball.x_px, ball.y_px, ball.covariance_px2, PaletteIndex.EPIPOLAR))
+    return {own: tuple(marks), **lines}
 
 
-def _epipolar(now: Labelling, t_us: int) -> tuple[LineMark, ...]:
-    """The ball of every other camera that knows it as a ray in this camera."""
-    here_camera = now.source.calibration
-    if not now.view.epipolar or now.view.repeat or here_camera is None:
+@lru_cache(maxsize=KEPT_RAYS)
+def _ray(camera: Camera, point: Point, other: Camera) -> tuple[LineMark, ...]:
+    """The ray through a point of `camera` in the picture of `other`; none if it cannot be seen."""
+    points = epipolar_curve(camera, point, other, points=EPIPOLAR_POINTS).round(2).tolist()
+    return (LineMark(tuple((x, y) for x, y in points), PaletteIndex.EPIPOLAR),) if len(points) > 1 else ()
+
+
+def _work_marks(now: Labelling, t_us: int, camera: str) -> tuple[Mark, ...]:
+    if now.view.repeat:
         return ()
-    lines: list[LineMark] = []
-    for name, source in now.sources.items():
-        if name == now.source.name or source.calibration is None:
-            continue
-        there = _position(now.works[name], t_us)
-        if there is not None:
-            lines += _line(epipolar_curve(source.calibration, there, here_camera, points=EPIPOLAR_POINTS))
-    return tuple(lines)
-
-
-def _partner_key(scene: LabelScene, t_us: int) -> PictureKey | None:
-    now, partner, there, view = scene.now, scene.now.partner, scene.now.there, scene.now.view
-    if partner is None or there is None:
-        return None
-    marks: tuple[Mark, ...] = _work_marks(there, t_us, view.repeat)
-    here, cameras = now.here.known(t_us), now.calibrations
-    if view.epipolar and not view.repeat and here is not None and cameras is not None:
-        marks = (*marks, *_line(epipolar_curve(cameras[0], here, cameras[1], points=EPIPOLAR_POINTS)))
-    region = Region.of_sensor(partner.size)
-    place = there.expected(t_us)
-    if view.zoom > 1.0 and view.follow and place is not None:
-        region = Region.around(*place, partner.size, view.zoom)
-    return _key(scene, partner, t_us, region, SIDE_WIDTH_PX, marks, partner.name)
-
-
-def _line(points: np.ndarray) -> tuple[LineMark, ...]:
-    if len(points) < 2:
-        return ()
-    return (LineMark(tuple((round(x, 2), round(y, 2)) for x, y in points.tolist()), PaletteIndex.EPIPOLAR),)
-
-
-def _work_marks(work: CameraWork, t_us: int, repeat: bool) -> tuple[Mark, ...]:
-    if repeat:
-        return ()
-    label, draft = work.labels.get(t_us), work.draft(t_us)
+    label, draft = now.works[camera].labels.get(t_us), draft_at(now, t_us, camera)
     if label is not None and label.x_px is not None and label.y_px is not None:
         return (CircleMark(label.x_px, label.y_px, label.r_px, STATE_INKS[label.state], label.covariance_px2),)
     if draft is not None:

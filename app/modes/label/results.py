@@ -12,7 +12,7 @@ import viser
 
 from app import theme
 from app.export.unfinished import Cancelled, Progress
-from app.formatting.text import html_text, percent
+from app.formatting import html_text, percent
 from app.modes.label.editor import LabelEditor
 from app.modes.label.label_files import LabelFiles, LabelFilesRequest, zip_label_files
 from app.modes.mode import ModeHost, download_export

@@ -73,9 +73,10 @@ def sources_of(recording: Recording) -> dict[str, LabelSource]:
     return found
 
 
-def partner_of(sources: Mapping[str, LabelSource], name: str) -> LabelSource | None:
-    """The other event camera that stereo is made with; None if there is none."""
+def others_of(sources: Mapping[str, LabelSource], name: str) -> tuple[LabelSource, ...]:
+    """The other event cameras, which see the same ball, from the next one on; none beside frames."""
     names = [each for each, source in sources.items() if source.stream is not None]
-    if name not in names or len(names) < 2:
-        return None
-    return sources[names[(names.index(name) + 1) % len(names)]]
+    if name not in names:
+        return ()
+    at = names.index(name)
+    return tuple(sources[each] for each in (*names[at + 1 :], *names[:at]))

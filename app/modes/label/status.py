@@ -8,17 +8,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from app import theme
-from app.formatting.text import html_text, note_html, percent
+from app.formatting import html_text, note_html, percent
+from app.modes.label.label_changes import ProposedLabel
 from app.modes.label.label_picture import STATE_INKS
 from app.modes.label.label_writer import LabelWriter
 from app.modes.label.labelling import Labelling
-from app.modes.label.plan import CameraAgreement
+from app.modes.label.sightings import FROM_OTHERS, CameraAgreement, draft_at
 from app.pictures.palette import PaletteIndex
 from labels.assist import Proposals
 from labels.model import Label
 
 BRAND = f"rgb{theme.BRAND_RGB}"
 AMBER = "#ffb020"
+FAR_PX = 2.0
+"""Cameras that agree less are marked."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +93,7 @@ def status_words(
     if labelling.asking is not None:
         return save, (labelling.asking.question, PaletteIndex.ASKS)
     t_us, known = labelling.t_us, labelling.here
-    label, draft = known.labels.get(t_us), known.draft(t_us)
+    label, draft = known.labels.get(t_us), draft_at(labelling, t_us)
     if label is not None:
         made = label.provenance
         state = f"{label.state.replace('_', ' ')}, {made.source.replace('_', ' ')}{_radius_text(label)}"
@@ -101,7 +104,7 @@ def status_words(
     if proposing is not None:
         words.append((f"proposing: {percent(proposing)}", PaletteIndex.DRAFT))
     if agreement is not None:
-        words.append((f"cameras agree to {agreement.residual_px:.2f} px", PaletteIndex.EPIPOLAR))
+        words.append((f"{agreement_words(agreement)} {agreement.residual_px:.2f} px", PaletteIndex.EPIPOLAR))
     return (*words, (view.annotator, PaletteIndex.NO_BALL))
 
 
@@ -123,7 +126,11 @@ def _radius_text(label: Label) -> str:
 
 
 def here_html(
-    label: Label | None, drafted: bool, agreement: CameraAgreement | None, reason: str, labelling: Labelling
+    label: Label | None,
+    draft: ProposedLabel | None,
+    agreement: CameraAgreement | None,
+    reason: str,
+    labelling: Labelling,
 ) -> str:
     """What is known at this time."""
     if labelling.asking is not None:
@@ -140,18 +147,37 @@ def here_html(
             sigma = np.sqrt((label.covariance_px2[0] + label.covariance_px2[2]) / 2)
             text += f", &plusmn;{sigma:.2f} px"
         first = note_html(text, theme.GOOD)
-    elif drafted:
-        first = note_html("<b>proposed</b>: space accepts, R rejects", "#ffe13c")
+    elif draft is not None:
+        origin = f" from the {FROM_OTHERS}" if draft.detector == FROM_OTHERS else ""
+        first = note_html(f"<b>proposed</b>{origin}: space accepts, R rejects", "#ffe13c")
     else:
         first = note_html("<b>unchecked</b>", theme.MUTED)
     lines = [first]
     if agreement is not None:
-        colour = theme.GOOD if agreement.residual_px < 2 else theme.BAD
-        text = f"cameras agree to {agreement.residual_px:.2f} px, ball {agreement.distance_m:.2f} m away"
+        colour = theme.GOOD if agreement.residual_px < FAR_PX else theme.BAD
+        text = f"{agreement_words(agreement)} {agreement.residual_px:.2f} px, ball {agreement.distance_m:.2f} m away"
         lines.append(note_html(f"{text}, expected radius {agreement.expected_r_px:.1f} px", colour))
+        if agreement.off_px:
+            lines.append(_residuals_html(agreement))
     if reason:
         lines.append(note_html(html_text(reason), BRAND))
     return "".join(lines)
+
+
+def agreement_words(agreement: CameraAgreement) -> str:
+    """How many cameras agree, as the beginning of a text; of a pair it is both."""
+    count = len(agreement.off_px)
+    return f"{count - len(agreement.left_out)} of {count} cameras agree to" if count else "cameras agree to"
+
+
+def _residuals_html(agreement: CameraAgreement) -> str:
+    """Each camera's distance from the ball of all."""
+    parts = []
+    for name, off_px in agreement.off_px.items():
+        text = f"{html_text(name)}&nbsp;{off_px:.2f}"
+        far = name in agreement.left_out or off_px >= FAR_PX
+        parts.append(f"<span style='color:{theme.BAD}'>{text}</span>" if far else text)
+    return note_html(f"px of each: {', '.join(parts)}", theme.MUTED)
 
 
 def proposals_html(proposals: Proposals | None, share: float | None, held: bool) -> str:

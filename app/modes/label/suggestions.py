@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
@@ -11,16 +12,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from app.background.jobs import LoopJob
-from app.background.worker import LatestWins
-from app.modes.label.editor import LabelEditor
-from app.modes.label.label_changes import ProposedLabel, accepted, proposed_at
+from app.background.jobs import LatestWins, LoopJob
+from app.modes.label.editor import LabelEditor, events_near
+from app.modes.label.label_changes import ProposedLabel, ShownPicture, accepted, proposed_at, snapped
 from app.modes.label.label_writer import Change, Saved
 from app.modes.label.labelling import CameraWork, Labelling
-from core.cameras import Camera
+from app.modes.label.sightings import FROM_OTHERS, draft_at
+from app.modes.label.sources import LabelSource
 from core.detection.saved import SavedDetector
 from core.recordings import CameraStream
-from labels.arrays import LabelArrays
 from labels.assist import (
     Proposals,
     WholeFlight,
@@ -35,6 +35,7 @@ from labels.assist import (
 )
 from labels.assist.propose import joined_proposals
 from labels.assist.review import QueueItem
+from labels.assist.stereo import median_residual_px
 from labels.assist.whole_flight import Doubt
 from labels.model import Label
 from labels.score import LEAD_IN_US
@@ -45,6 +46,9 @@ SEGMENT_US: Final = 2_000_000
 CHUNK_US: Final = 100_000
 SHORTEST_CHUNK_US: Final = 20_000
 """In a short recording: each chunk is handed over by itself, and tells how far the detector is."""
+SAME_BALL_PX: Final = 3.0
+"""A circle that is farther from where the other cameras have the ball is not taken for it, nor one that is farther than
+half a radius."""
 NO_PROPOSALS: Final = ("No proposals here", "I runs the detector from the cursor on.")
 
 
@@ -92,13 +96,13 @@ class LabelSuggestions:
     # Proposals ----------------------------------------------------------------------------------------------------
 
     def toggle_propose(self, detector: SavedDetector) -> None:
-        """Run the detector from the cursor to the end, in both cameras; or stop it."""
+        """Run the detector from the cursor to the end, in all cameras; or stop it."""
         if self._job.running:
             self._job.cancel()
             return
         labelling = self._editor.labelling
-        sources = (labelling.source, labelling.partner)
-        streams = [source.stream for source in sources if source is not None and source.stream is not None]
+        sources = (labelling.source, *labelling.others)
+        streams = [source.stream for source in sources if source.stream is not None]
         if not streams:
             self._editor.note("No proposals here", "The detector works on events, not on frames.")
             return
@@ -151,37 +155,39 @@ class LabelSuggestions:
     # Whole flights ------------------------------------------------------------------------------------------------
 
     def take_flight(self) -> None:
-        """Accept every proposal of the flight round the cursor, in both cameras; go to what is doubted."""
+        """Accept every proposal of the flight round the cursor, in all cameras; go to what is doubted."""
         now, editor = self._editor.labelling, self._editor
         if not now.on_screen or now.view.repeat:
             return
-        cameras, there = now.calibrations, now.there
-        if cameras is None or there is None:
+        parts = {name: now.works[name].proposals for name in now.rig}
+        given = {name: part for name, part in parts.items() if part is not None}
+        if not now.rig:
             editor.note("No flight here", "A flight needs two calibrated cameras; Enter accepts what is steady in one.")
-        elif now.here.proposals is None or there.proposals is None:
+        elif now.view.camera not in given or len(given) < 2:
             editor.note(*NO_PROPOSALS)
         else:
-            pair, place = (now.here.proposals, there.proposals), (now.view.camera, now.t_us)
+            cameras, place = [now.rig[name] for name in given], (now.view.camera, now.t_us)
 
             def find() -> Callable[[], None]:
-                found = whole_flight(cameras, pair, place[1])
-                return lambda: self._take_flight(place, found)
+                found = whole_flight(cameras, tuple(given.values()), place[1])
+                return lambda: self._take_flight(place, tuple(given), found)
 
             self._flight_work.submit(find)
 
-    def _take_flight(self, place: tuple[str, int], found: WholeFlight | None) -> None:
+    def _take_flight(self, place: tuple[str, int], cameras: tuple[str, ...], found: WholeFlight | None) -> None:
         now = self._editor.labelling
         if place != (now.view.camera, now.t_us):
             return  # the person went elsewhere
         if found is None:
-            text = "What is proposed round here in both cameras is not one ball in free flight."
+            where = "both cameras" if len(cameras) == 2 else "the cameras"
+            text = f"What is proposed round here in {where} is not one ball in free flight."
             self._editor.note("No flight here", text)
             return
         doubted_us = doubted_times(now, found)
         if doubted_us:
             off_px = next(doubt.off_px for doubt in found.doubted[0] if doubt.t_us == doubted_us[0])
             self._give_reason(f"{off_px:.1f} px off the flight", doubted_us[0])
-        self._editor.do(lambda editor: accept_flight(editor, found))
+        self._editor.do(lambda editor: accept_flight(editor, cameras, found))
 
     # The queue ----------------------------------------------------------------------------------------------------
 
@@ -190,8 +196,7 @@ class LabelSuggestions:
         now = self._editor.labelling
 
         def find() -> Callable[[], None]:
-            there = None if now.there is None else now.there.arrays
-            items = _suspicious(now.here, there, now.calibrations, now.grid.times())
+            items = _suspicious(now)
             return lambda: self._go_to_worst(now.view.camera, items)
 
         self._queue_work.submit(find)
@@ -237,7 +242,7 @@ class LabelSuggestions:
 
 
 def add_proposals(editor: LabelEditor, parts: Mapping[str, Proposals]) -> None:
-    """Take up what the detector found next, by camera; both cameras' at once: a segment is judged with both."""
+    """Take up what the detector found next, by camera; all cameras' at once: a segment is judged with all."""
     works = dict(editor.labelling.works)
     for camera, part in parts.items():
         works[camera] = replace(works[camera], proposals=joined_proposals(works[camera].proposals, part))
@@ -249,19 +254,57 @@ def accept(editor: LabelEditor) -> None:
     now = editor.labelling
     if not now.on_screen:
         return
-    draft = now.draft(now.t_us)
+    draft = draft_at(now, now.t_us)
     if draft is not None:
         if not _in_sight(editor, draft):
             return
-        label = accepted(draft, now.judged_picture(time.monotonic()))
-        if not editor.change_label(lambda before: before or label):
+        picture, source, snap = now.judged_picture(time.monotonic()), now.source, now.view.snap
+        if not editor.change_label(lambda before: before or _accepted_label(draft, picture, source, snap=snap)):
             return
     editor.step(+1)
 
 
+def accept_all(editor: LabelEditor) -> None:
+    """Label what is proposed here in every camera, as one step of undo in each, and go on.
+
+    The cursor stays where these labels place the ball in further cameras: what is proposed there is to be seen first.
+    """
+    now = editor.labelling
+    if not now.on_screen or now.view.repeat:
+        return
+    names = (now.view.camera, *(other.name for other in now.others))
+    drafts = {name: draft for name in names if (draft := draft_at(now, now.t_us, name)) is not None}
+    own = drafts.get(now.view.camera)
+    if own is not None and not _in_sight(editor, own):
+        return
+    picture, snap = now.judged_picture(time.monotonic()), now.view.snap
+    elsewhere = replace(picture, time_spent_ms=0)
+
+    def change_of(name: str, draft: ProposedLabel) -> Change:
+        judged = picture if name == now.view.camera else elsewhere
+
+        def change(store: LabelStore) -> tuple[int, ...]:
+            if store.at(draft.t_us) is not None:
+                return ()
+            store.put(_accepted_label(draft, judged, now.sources[name], snap=snap))
+            return (draft.t_us,)
+
+        return change
+
+    if drafts and not editor.write_all({name: change_of(name, draft) for name, draft in drafts.items()}):
+        return
+    works = dict(now.works)
+    for name, draft in drafts.items():
+        label = accepted(draft, elsewhere)
+        works[name] = replace(works[name], labels={**works[name].labels, now.t_us: label})
+    then = replace(now, works=works)
+    if not drafts or not any(draft_at(then, now.t_us, name) for name in names):
+        editor.step(+1)
+
+
 def reject(editor: LabelEditor) -> None:
     """Keep that what is proposed here is wrong, and do not show it any more."""
-    now, draft = editor.labelling, editor.labelling.draft(editor.labelling.t_us)
+    now, draft = editor.labelling, draft_at(editor.labelling, editor.labelling.t_us)
     if not now.on_screen or draft is None or not _in_sight(editor, draft):
         return
 
@@ -275,7 +318,7 @@ def reject(editor: LabelEditor) -> None:
 
 
 def accept_segment(editor: LabelEditor) -> None:
-    """Accept every proposal round here that its neighbours and the other camera bear out, as one step of undo."""
+    """Accept every proposal round here that its neighbours and the other cameras bear out, as one step of undo."""
     now, proposals = editor.labelling, editor.labelling.here.proposals
     if not now.on_screen or now.view.repeat:
         return
@@ -298,10 +341,11 @@ def interpolate(editor: LabelEditor) -> None:
     """Label the unchecked times between labels round here: by a flight in 3D if one fits, else by a curve."""
     now = editor.labelling
     times = _times_between(now, now.t_us - SEGMENT_US, now.t_us + SEGMENT_US)
-    there = None if now.there is None else now.there.arrays
+    cameras = tuple(now.rig.values())
+    others = [now.works[name].arrays for name in now.rig if name != now.view.camera]
 
     def change(store: LabelStore) -> tuple[int, ...]:
-        labels = labels_between(store.labels(), there, now.calibrations, times, now.t_us, now.breaks_us)
+        labels = labels_between(store.labels(), others, cameras, times, now.t_us, now.breaks_us)
         store.edit(put=labels)
         return tuple(label.t_us for label in labels)
 
@@ -315,24 +359,28 @@ def interpolate(editor: LabelEditor) -> None:
     editor.write(change, then=then)
 
 
-def accept_flight(editor: LabelEditor, found: WholeFlight) -> None:
+def accept_flight(editor: LabelEditor, cameras: tuple[str, ...], found: WholeFlight) -> None:
     """Label every time of a flight at which the proposals agree with it: one step of undo in each camera.
 
-    The cursor goes to the first doubted proposal of the camera that is labelled, or behind the flight.
+    `cameras` are those of the flight, the labelled one first. The cursor goes to the first doubted proposal of that, or
+    behind the flight.
     """
-    now, there = editor.labelling, editor.labelling.there
-    if there is None or now.view.repeat:
+    now = editor.labelling
+    if now.view.repeat:
         return
-    own, other = (
-        _accepted_labels(now, work, agreed, _undoubted_times(now, agreed, doubted))
-        for work, agreed, doubted in zip((now.here, there), found.agreed, found.doubted, strict=True)
-    )
-    doubted_us, elsewhere = doubted_times(now, found), len(found.doubted[1])
-    if not editor.write(_put_new(own), partner_change=_put_new(other)):
+    labels = {
+        name: _accepted_labels(now, now.works[name], agreed, _undoubted_times(now, agreed, doubted))
+        for name, agreed, doubted in zip(cameras, found.agreed, found.doubted, strict=True)
+    }
+    doubted_us, elsewhere = doubted_times(now, found), sum(map(len, found.doubted[1:]))
+    if not editor.write_all({name: _put_new(new) for name, new in labels.items() if new or name == now.view.camera}):
         return
-    text = f"{len(own) + len(other)} labels in both cameras; Z takes back those of this camera."
+    pair = len(cameras) == 2
+    count, where = sum(map(len, labels.values())), "both cameras" if pair else f"{len(cameras)} cameras"
+    text = f"{count} labels in {where}; Z takes back those of this camera."
     if doubted_us or elsewhere:
-        text += f" Doubted: {len(doubted_us)} here, {elsewhere} in the other camera. K leads through them."
+        others = "the other camera" if pair else "the other cameras"
+        text += f" Doubted: {len(doubted_us)} here, {elsewhere} in {others}. K leads through them."
     editor.note("Flight accepted", text, "green")
     editor.go_to(doubted_us[0] if doubted_us else now.grid.moved(found.end_us, +1))
 
@@ -382,6 +430,19 @@ def _accepted_labels(
     return tuple(accepted(draft, replace(picture, t_us=draft.t_us)) for draft in drafts)
 
 
+def _accepted_label(draft: ProposedLabel, picture: ShownPicture, source: LabelSource, *, snap: bool) -> Label:
+    """The label that a draft becomes; one that follows from other cameras is moved to the circle next to it."""
+    label = accepted(draft, picture)
+    if draft.detector != FROM_OTHERS or not snap or source.stream is None:
+        return label
+    fitted = snapped(label, events_near(source, draft.t_us))
+    if math.dist((fitted.x_px or 0.0, fitted.y_px or 0.0), (draft.x_px, draft.y_px)) > max(
+        SAME_BALL_PX, 0.5 * (draft.r_px or 0.0)
+    ):
+        return label
+    return replace(fitted, provenance=label.provenance)
+
+
 def _put_new(labels: tuple[Label, ...]) -> Change:
     """Store those labels whose times have none, as one step of undo."""
 
@@ -394,26 +455,31 @@ def _put_new(labels: tuple[Label, ...]) -> Change:
 
 
 def _stereo_residual_px(now: Labelling, proposals: Proposals) -> NDArray[np.float64] | None:
-    """(n,) how far each proposal is from the partner's ray; None without calibrations or proposals there."""
-    cameras, there = now.calibrations, now.there
-    if cameras is None or there is None or there.proposals is None:
-        return None
-    other = there.proposals.at(proposals.t_us)
-    here_px = np.column_stack([proposals.x_px, proposals.y_px])
-    return check_stereo(cameras[0], here_px, cameras[1], np.column_stack([other.x_px, other.y_px])).residual_px
+    """(n,) how far each proposal is from most other cameras' rays; None without calibrations or proposals there."""
+    here_px, rig = np.column_stack([proposals.x_px, proposals.y_px]), now.rig
+    residuals = []
+    for name in rig:
+        there = now.works[name].proposals
+        if name != now.view.camera and there is not None:
+            other = there.at(proposals.t_us)
+            there_px = np.column_stack([other.x_px, other.y_px])
+            residuals.append(check_stereo(rig[now.view.camera], here_px, rig[name], there_px).residual_px)
+    return median_residual_px(residuals)
 
 
-def _suspicious(
-    here: CameraWork, there: LabelArrays | None, cameras: tuple[Camera, Camera] | None, frames_us: NDArray[np.int64]
-) -> tuple[QueueItem, ...]:
-    residual = None
-    if cameras is not None and there is not None and len(there) and len(here.arrays):
-        residual = check_labels(cameras[0], here.arrays, cameras[1], there).residual_px
-    rejected_us = tuple(t_us for t_us, _ in here.rejected)
+def _suspicious(now: Labelling) -> tuple[QueueItem, ...]:
+    """What is to be looked at in the labelled camera, the worst first."""
+    here, rig = now.here, now.rig
+    there = {name: now.works[name].arrays for name in rig if name != now.view.camera}
+    residuals = [
+        check_labels(rig[now.view.camera], here.arrays, rig[name], arrays).residual_px
+        for name, arrays in there.items()
+        if len(arrays) and len(here.arrays)
+    ]
     return review_queue(
         here.arrays,
         proposals=here.proposals,
-        stereo_residual_px=residual,
-        frames_us=frames_us,
-        rejected_us=rejected_us,
+        stereo_residual_px=median_residual_px(residuals),
+        frames_us=now.grid.times(),
+        rejected_us=tuple(t_us for t_us, _ in here.rejected),
     )

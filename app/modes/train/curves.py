@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app import theme
-from app.formatting.text import table_row
+from app.formatting import table_row
 from app.shared.training_records import Metrics, number
 from core.learning.runs.summary import SeedSpread, spread_of
 from core.physics.episode import Case

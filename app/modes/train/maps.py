@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from app.formatting.text import percent
+from app.formatting import percent
 from app.modes.train.plan_view import encode_plan
 from app.modes.train.view import Details
-from app.scene.landing import TARGET_RGB
+from app.scene.prediction import TARGET_RGB
 from app.shared.trainer import RunState
 from app.shared.workspace import Workspace
 from core.errors import RallyscopeError

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Final
 
-from app.background.worker import LatestWins
+from app.background.jobs import LatestWins
 from app.modes.mode import Middle, ModeHost
 from app.modes.train.form import PACES, PRESETS, TRAIN_NOW, FormPanel, Preset, startable_run
 from app.modes.train.maps import MapRequest, MapView, MapViewer, map_request
@@ -15,7 +15,7 @@ from app.modes.train.training_scene import TrainingScene
 from app.modes.train.view import Details, RunsView, RunsViewer, ViewRequest
 from app.shared.job_backends import THIS_MACHINE
 from app.shared.live_rally import LIVE
-from app.shared.policies import let_play
+from app.shared.rallies import let_play
 from app.shared.trainer import RunPhase
 from app.shared.training_records import Replay
 from app.state.client_state import ClientState

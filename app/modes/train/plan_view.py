@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from app.scene.landing import CASE_RGB, TARGET_RGB
+from app.scene.prediction import CASE_RGB, TARGET_RGB
 from core.physics.episode import Case
 from core.table import NET_OVERHANG_M, TABLE_LENGTH_M, TABLE_WIDTH_M
 

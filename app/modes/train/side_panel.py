@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from viser import uplot
 
 from app import theme
-from app.formatting.text import html_text
+from app.formatting import html_text
 from app.modes.train.curves import WINDOW, SeedResults, seed_results_html
 from app.modes.train.maps import MapView
 from app.modes.train.status import case_counts_html, kept_html, log_html, map_html, offsets_title_html, runs_html
 from app.modes.train.view import COMPARED, ChartData, Details, RunsView
-from app.panels.panel_layout import PanelLayout
+from app.panels.recording_info import PanelLayout
 from app.views.image_view import set_png
 
 Array = NDArray[np.float64]

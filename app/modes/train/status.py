@@ -6,10 +6,10 @@ import math
 from typing import Final
 
 from app import theme
-from app.formatting.text import html_text, percent, table_row
+from app.formatting import html_text, percent, table_row
 from app.modes.train.plan_view import NEW_BALLS, NEW_RGB
 from app.modes.train.view import LISTED, Details
-from app.scene.landing import CASE_NAMES, CASE_RGB
+from app.scene.prediction import CASE_NAMES, CASE_RGB
 from app.shared.trainer import RunPhase, RunState
 from app.shared.training_records import Replay, number
 from app.theme import hex_colour

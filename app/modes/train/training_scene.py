@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 import viser
 
-from app.background.worker import LatestWins
+from app.background.jobs import LatestWins
 from app.modes.train.status import ball_html
 from app.modes.train.view import Details
-from app.scene.viewpoints import VIEWPOINTS
-from app.shared.policies import PLAYERS, Player
+from app.scene.view_camera import VIEWPOINTS
+from app.shared.rallies import PLAYERS, Player
 from app.shared.training_records import Replay, ball_of_line, replay_ball
 from app.widgets import Choice, when_changed
 from core.history.rally_picture import LandingSpot, RallyPicture

@@ -21,8 +21,8 @@ from app.modes.train.curves import (
     shared_axis,
 )
 from app.modes.train.plan_view import draw_offsets, draw_plan, encode_plan
-from app.scene.landing import REACH_M, SPOTS
-from app.shared.policies import has_policy
+from app.scene.prediction import REACH_M, SPOTS
+from app.shared.rallies import has_policy
 from app.shared.trainer import RunState, Trainer, read_log_tail
 from app.shared.training_records import Metrics, MetricsStore, last_line
 from app.shared.workspace import Workspace

@@ -14,14 +14,14 @@ from typing import Any, Final, Literal
 
 from app import theme
 from app.background.child import ChildProcess, share_in
-from app.formatting.text import html_text, table_row
+from app.formatting import html_text, table_row
 from app.modes.tune.label_score import find_reference
 from core.detection import DetectorConfig
 from core.detection.methods import Method
 from core.detection.saved import load_detector, save_detector
 from core.errors import CommandError, RallyscopeError
-from core.text.json_text import parse_json
-from core.tuning.split_score import Figures
+from core.text import parse_json
+from core.tuning.objective import Figures
 
 TITLES: Final = ("windows", "config", "precision", "recall", "median error", "objective")
 CELL: Final = "padding-right:14px;white-space:nowrap"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from viser import uplot
 
 from app import theme
-from app.formatting.text import html_text
+from app.formatting import html_text
 from app.modes.tune.compare_run import CompareAnswer, method_css
 from core.detection.methods import METHODS
 

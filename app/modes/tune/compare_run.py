@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app import theme
-from app.formatting.text import html_text, table_row
+from app.formatting import html_text, table_row
 from app.modes.tune.label_score import find_reference
 from app.pictures.palette import METHOD_RGB
 from core.detection import DetectorConfig
@@ -22,15 +22,17 @@ from core.metrics.compare import (
     ClassifiedRun,
     CurvesOverTime,
     ErrorRun,
+    PixelReference,
+    ReferenceKind,
     bin_edges,
     compare_methods,
     curves_over_time,
     false_stretches,
+    labels_reference,
     missed_stretches,
+    truth_reference,
 )
-from core.metrics.one_window import LEAD_IN_US
-from core.metrics.reference import PixelReference, ReferenceKind, labels_reference, truth_reference
-from core.metrics.run import duration_of
+from core.metrics.run import LEAD_IN_US, duration_of
 from core.recordings import CameraStream, PixelTruth
 from core.recordings.recording import freeze_camera
 from labels.arrays import STATES

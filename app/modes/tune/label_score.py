@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from app.formatting.text import html_text, table_row
+from app.formatting import html_text, table_row
 from core.detection import DetectorConfig
 from core.detection.methods import Method, make_detector
-from core.metrics.timed import TimedDetector
+from core.metrics.run import TimedDetector
 from core.recordings import CameraStream
 from labels.agreement import Agreement, measure_agreement
 from labels.arrays import STATES
@@ -102,8 +102,8 @@ def label_score_html(title: str, score: LabelScore) -> str:
     titles = ("", "labels", *(f"P / R at {px:g} px" for px in SHOWN_PX), "median", "p95", "along", "across")
     head = "".join(f"<th style='text-align:left;font-weight:500;padding-right:14px'>{name}</th>" for name in titles)
     rows = "".join(_row(group) for group in (*score.groups, *score.in_time))
-    noise = score.noise.sigma_px if score.noise is not None and score.noise.both_seen else None
-    noise_text = "unknown: no repeated labels yet" if noise is None else f"{noise:.2f} px a coordinate"
+    noise = score.noise.by_hand.sigma_px if score.noise is not None and score.noise.by_hand.pairs else None
+    noise_text = "unknown: no label repeated by hand yet" if noise is None else f"{noise:.2f} px a coordinate"
     svg = score_svg(score.curves, f"{title}, against {score.labels} labels by {score.annotator}", noise_px=noise)
     return (
         f"<div style='font-size:12.5px;padding:4px 12px'>{html_text(title)}, against {score.labels} labels by "
@@ -135,4 +135,4 @@ def _own_noise(folder: Path, store: LabelStore) -> Agreement | None:
     layer = Layer(first.recording_uuid, first.camera, first.annotator, blind=True)
     if not has_labels(folder, layer):
         return None
-    return measure_agreement(store.labels(), LabelStore.read(folder, layer).labels())
+    return measure_agreement(*(one.independent().labels for one in (store, LabelStore.read(folder, layer))))

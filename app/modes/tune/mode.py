@@ -7,8 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from app.background.jobs import LoopJob, Progress
-from app.background.worker import LatestWins
+from app.background.jobs import LatestWins, LoopJob, Progress
 from app.modes.mode import Middle, ModeHost
 from app.modes.tune.auto_tune import AutoTune
 from app.modes.tune.compare import CompareOverTime
@@ -26,8 +25,8 @@ from core.detection import DetectorConfig
 from core.detection.methods import Method, make_detector
 from core.detection.saved import load_detector
 from core.metrics import judge_answers, known_truth, run_detector
+from core.metrics.run import TimedDetector
 from core.metrics.streaming import TimedRun
-from core.metrics.timed import TimedDetector
 from core.recordings import Recording
 
 PROGRESS_EVERY_S: Final = 0.1

@@ -9,7 +9,7 @@ import numpy as np
 import viser
 
 from app import theme
-from app.formatting.text import html_text, table_row
+from app.formatting import html_text, table_row
 from app.modes.tune.label_score import LabelScore, label_score_html
 from app.modes.tune.settings import stage_anchor, stage_counts_html
 from app.panels.keys import float_below_pictures, place_below_pictures
@@ -18,7 +18,7 @@ from app.views.stage_picture import cluster_colour_index
 from app.widgets import when_changed, when_clicked
 from core.detection import Candidate, Detection, PipelineTrace, RefinedDetection
 from core.metrics import Score
-from core.metrics.one_window import WindowAnswer
+from core.metrics.run import WindowAnswer
 from core.metrics.streaming import StreamingScore, TimedRun
 
 KEPT = 6

@@ -9,7 +9,7 @@ from typing import Final
 import viser
 
 from app import theme
-from app.formatting.text import percent
+from app.formatting import percent
 from app.panels.field_control import add_field_control, section_title
 from app.state.client_state import OVERLAYS, SLOTS, ClientState, Overlay
 from app.state.commands import (

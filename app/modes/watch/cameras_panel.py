@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Final, Literal
 
 import numpy as np
 import viser
 from viser import uplot
 
 from app import theme
-from app.panels.panel_layout import PanelLayout
+from app.panels.recording_info import PanelLayout
+from app.scene.ball import speed_legend_html
 from app.scene.prediction import AFTER_RGB, BEFORE_RGB
-from app.scene.trail import speed_legend_html
+from app.views.camera_pictures import CameraPicturesRequest
 from app.views.image_view import set_png
-from app.widgets import Choice, plot_axis
+from app.widgets import Choice, Listing, plot_axis
 from core.history.lead_time import LONGEST_MS, LeadTimeErrors
 
 LEAD_TIME_HTML = (
@@ -23,6 +25,30 @@ LEAD_TIME_HTML = (
 )
 TOP_STEP_MM = 20.0
 BLANK = np.zeros((2, 2, 3), np.uint8)
+MANY: Final = 3
+"""So many pictures stand in rows, two or three beside each other."""
+SCENE: Final = "3D"
+"""What stands in the middle if no picture does."""
+Sighting = Literal["used", "elsewhere", "none"]
+SIGHTING_MARKS: Final[Mapping[Sighting, str]] = {"used": "\u25cf", "elsewhere": "\u2715", "none": "\u25cb"}
+"""Before a camera's name: the ball's position is made of it; it found something elsewhere; it found no ball."""
+
+
+def sighting_of(request: CameraPicturesRequest, camera: str) -> Sighting:
+    """What a camera contributes to the ball's position."""
+    if request.is_outlier(camera):
+        return "elsewhere"
+    return "used" if camera in request.circles else "none"
+
+
+def rows_html(pictures: int) -> str:
+    """Lays the pictures below it out in rows, see the page's style; nothing where there are few."""
+    if pictures < MANY:
+        return ""
+    legend = "&#9679; sees the ball &nbsp; &#10005; something else &nbsp; &#9675; no ball"
+    columns = 2 if pictures <= 4 else 3
+    style = f"font-size:12px;color:{theme.MUTED};padding:2px 12px"
+    return f"<div data-rallyscope-columns={columns} style='{style}'>{legend}</div>"
 
 
 class CamerasPanel:
@@ -34,6 +60,7 @@ class CamerasPanel:
         self._tab = self.panel.add_tab("Rally", viser.Icon.PING_PONG)
         self.room = PanelLayout(self.panel)
         with self._tab:
+            self._rows = gui.add_html("")
             self._pictures = gui.add_folder(None)
             gui.add_html(speed_legend_html())
             self._moment = gui.add_html("")
@@ -60,13 +87,13 @@ class CamerasPanel:
                 axes=(plot_axis("ms before the hit"), plot_axis("mm")),
                 aspect=1.2,
             )
-        self._larger: Choice | None = None
+        self._larger: Choice | Listing | None = None
         self._images: dict[str, viser.GuiImageHandle] = {}
 
     def show_large(self, camera: str) -> None:
         """Mark the camera whose picture is in the middle."""
         if self._larger is not None:
-            self._larger.show(camera)
+            self._larger.show(camera or SCENE)
 
     def show_lead_times(self, errors: LeadTimeErrors) -> None:
         """Median prediction error by lead time."""
@@ -84,19 +111,32 @@ class CamerasPanel:
             if handle.content != content:
                 handle.content = content
 
-    def show(self, pngs: dict[str, bytes]) -> None:
-        """Put new pictures in place of the last ones."""
+    def _add_larger(self, cameras: tuple[str, ...]) -> Choice | Listing:
+        hint = "Show it full size. Again, G, or a double click goes back"
+        if len(cameras) < MANY:
+            return Choice(self._gui, "Larger", cameras, self._enlarge, hint=hint)
+        larger = Listing(
+            self._gui, "Larger", lambda camera: self._enlarge(camera if camera in cameras else ""), hint=hint
+        )
+        larger.offer((SCENE, *cameras))
+        return larger
+
+    def show(self, pngs: Mapping[str, bytes], sightings: Mapping[str, Sighting]) -> None:
+        """Put new pictures in place of the last ones; three or more stand in rows, each with a mark of its sighting."""
         if tuple(self._images) != tuple(pngs):
             for image in self._images.values():
                 image.remove()
             with self._pictures:
+                self._rows.content = rows_html(len(pngs))
                 self._images = {name: self._gui.add_image(BLANK, label=name, format="png") for name in pngs}
                 if self._larger is not None:
                     self._larger.remove()
-                hint = "Show it full size. Again, G, or a double click goes back"
-                self._larger = Choice(self._gui, "Larger", tuple(pngs), self._enlarge, hint=hint)
+                self._larger = self._add_larger(tuple(pngs))
         for name, png in pngs.items():
             set_png(self._images[name], png)
+            caption = name if len(pngs) < MANY else f"{SIGHTING_MARKS[sightings[name]]} {name}"
+            if self._images[name].label != caption:
+                self._images[name].label = caption
 
 
 def _scales(top_mm: float) -> dict[str, uplot.Scale]:

@@ -20,12 +20,12 @@ class ShowSpace:
 
 @dataclass(frozen=True, slots=True)
 class EnlargeCamera:
-    """Show one camera's picture full size; the same camera again returns to the scene."""
+    """Show one camera's picture full size; the same camera again, or "", returns to the scene."""
 
     camera: str
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
-        if self.camera not in state.cameras:
+        if self.camera not in ("", *state.cameras):
             return state
         large = "" if self.camera == state.watch.large else self.camera
         return replace(state, watch=replace(state.watch, large=large))
@@ -39,9 +39,13 @@ class EnlargePicture:
     """Name sent by the page, untrusted; "": not on a camera's picture."""
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
-        if state.mode != "Watch" or (self.camera != "" and self.camera not in state.cameras):
+        asked = self.camera if isinstance(self.camera, str) else None
+        if asked not in ("", *state.cameras):  # the caption beside the picture may have a mark before the name
+            asked = str(asked).partition(" ")[2] or None
+        camera = next((name for name in ("", *state.cameras) if name == asked), None)
+        if state.mode != "Watch" or camera is None:
             return state
-        large = "" if self.camera == state.watch.large else str(self.camera)
+        large = "" if camera == state.watch.large else camera
         return replace(state, watch=replace(state.watch, large=large))
 
 

@@ -6,8 +6,7 @@ import math
 from typing import Final
 
 from app import theme
-from app.formatting.glossary import GLOSSARY, tooltip
-from app.formatting.text import html_text
+from app.formatting import GLOSSARY, html_text, tooltip
 from core.live.live_snapshot import Percentiles
 from core.trajectory.learned_constants import LearnedConstants
 

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from viser import uplot
 
 from app import theme
-from app.formatting.text import html_text
+from app.formatting import html_text
 from app.modes.mode import ModeHost, do_in_pool
 from app.modes.watch.figures import balls_text
 from app.shared.live_rally import LiveRally
-from app.shared.policies import learning_start, start_choices
+from app.shared.rallies import learning_start, start_choices
 from app.widgets import Listing, plot_axis, when_changed, when_clicked
 from core.online_learning.progress import WINDOW, LearningProgress
 from core.online_learning.start import NOTHING

@@ -7,8 +7,8 @@ from typing import Final
 
 import viser
 
-from app.background.worker import LatestWins
-from app.formatting.text import html_text
+from app.background.jobs import LatestWins
+from app.formatting import html_text
 from app.modes.live_copy import LiveCopy
 from app.modes.mode import ModeHost
 from app.modes.watch.figures import muted

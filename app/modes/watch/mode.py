@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from app.background.worker import LatestWins
+from app.background.jobs import LatestWins
 from app.modes.mode import Middle, ModeHost
-from app.modes.watch.cameras_panel import CamerasPanel
+from app.modes.watch.cameras_panel import CamerasPanel, sighting_of
 from app.modes.watch.commands import EnlargeCamera
 from app.modes.watch.learning import LearningPanel
 from app.modes.watch.missed_ball import MissedBallSearch
@@ -190,17 +190,18 @@ class WatchMode:
         if recording is None or (state.playhead.playing and wall_s - self._pictures_s < every_s):
             return
         self._pictures_s = wall_s
-        circles = {} if moment.step is None or moment.step.t_us < moment.t_us - 10_000 else moment.step.circles
-        self._pictures.submit(
-            CameraPicturesRequest(recording, moment.t_us, state.look, circles, "True ball" not in state.watch.hidden)
-        )
+        step = None if moment.step is None or moment.step.t_us < moment.t_us - 10_000 else moment.step
+        circles = {} if step is None else step.circles
+        used = frozenset() if step is None or step.point is None else frozenset(step.point.uvs_px)
+        with_truth = "True ball" not in state.watch.hidden
+        self._pictures.submit(CameraPicturesRequest(recording, moment.t_us, state.look, circles, with_truth, used))
 
     def _pictures_done(self, request: CameraPicturesRequest, pngs: dict[str, bytes]) -> None:
-        self._host.later(lambda: self._show_pictures(pngs))
+        self._host.later(lambda: self._show_pictures(request, pngs))
 
-    def _show_pictures(self, pngs: dict[str, bytes]) -> None:
+    def _show_pictures(self, request: CameraPicturesRequest, pngs: dict[str, bytes]) -> None:
         if self._active and self._has_panel:
-            self._cameras.show(pngs)
+            self._cameras.show(pngs, {name: sighting_of(request, name) for name in pngs})
 
     def _add_controls(self, live: LiveRally) -> None:
         gui = self._host.client.gui

@@ -9,7 +9,7 @@ import numpy as np
 import viser
 
 from app import theme
-from app.formatting.text import html_text
+from app.formatting import html_text
 from app.modes.mode import ModeHost, do_in_pool
 from app.modes.watch.figures import coloured, figures_html, muted
 from app.widgets import when_clicked

@@ -8,14 +8,13 @@ from typing import Final
 import viser
 
 from app import theme
-from app.formatting.glossary import tooltip
-from app.formatting.text import html_text
+from app.formatting import html_text, tooltip
 from app.modes.mode import ModeHost, do_in_pool
 from app.modes.watch.source_panel import RecordButton
 from app.shared.live_rally import LiveRally
-from app.shared.policies import BUILT_IN, LEARNS, let_play, run_choices
+from app.shared.rallies import BUILT_IN, LEARNS, let_play, run_choices
 from app.widgets import Listing, when_changed, when_clicked
-from core.history.return_counts import ReturnRate
+from core.history.seen_outcomes import ReturnRate
 from core.live.link import messages as m
 from core.live.link.client import SimulationClient
 from core.simulation.scenes.scene import SCENES

@@ -13,7 +13,7 @@ from app.modes.watch.stream_status import stream_html
 from app.shared.live_rally import LiveRally
 from app.widgets import when_changed, when_clicked
 from core.devices import CameraDevice
-from core.devices.bias_file import write_biases
+from core.devices.models import write_biases
 from core.live.camera_source import CameraSource
 
 

@@ -10,10 +10,10 @@ from typing import Final
 import numpy as np
 
 from app import theme
-from app.formatting.text import html_text, percent
+from app.formatting import html_text, percent
 from app.modes.watch.figures import coloured, figures_html, learned_words, muted, percentiles_text
 from app.modes.watch.stream_status import camera_rows
-from app.scene.landing import CASE_NAMES, CASE_RGB
+from app.scene.prediction import CASE_NAMES, CASE_RGB
 from core.chain.calibration_drift import DriftReport
 from core.chain.control.decision import RacketDecision
 from core.history.rally_history import Outcome, RallyMoment, RallyStep, ShownPrediction
@@ -46,7 +46,8 @@ def drift_words(report: DriftReport) -> str:
     """Text of a calibration that no longer fits, without a full stop."""
     drift = report.drift
     how_far = "" if drift is None else f": {drift.drift_px:.1f} px off"
-    names = "" if report.pair is None else f" of {html_text(report.pair[0])} and {html_text(report.pair[1])}"
+    moved = () if report.pair is None else report.pair if report.camera is None else (report.camera,)
+    names = f" of {' and '.join(map(html_text, moved))}" if moved else ""
     return f"The calibration{names} has drifted{how_far}"
 
 
@@ -177,17 +178,13 @@ def _residual(step: RallyStep | None) -> str:
 
 
 def _used(step: RallyStep | None, cameras: Collection[str]) -> str:
-    """The cameras that the point is made of; the others that found something elsewhere, or nothing, are dim."""
+    """How many cameras the point is made of, and what each of the others found."""
     if step is None or step.point is None:
         return "-"
-    used = step.point.uvs_px
-    words = [
-        html_text(name)
-        if name in used
-        else muted(f"{html_text(name)} ({'elsewhere' if name in step.circles else 'no'})")
-        for name in cameras
-    ]
-    return ", ".join(words)
+    others = [name for name in cameras if name not in step.point.uvs_px]
+    words = [f"{html_text(name)}: {'something else' if name in step.circles else 'no ball'}" for name in others]
+    count = f"{len(cameras) - len(others)} of {len(cameras)} cameras"
+    return "; ".join([count, *map(muted, words)])
 
 
 def _hit(expected: ShownPrediction | None, t_us: int) -> str:

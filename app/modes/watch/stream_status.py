@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from app import theme
-from app.formatting.text import html_text
+from app.formatting import html_text
 from app.modes.watch.figures import coloured, figures_html, learned_words, muted, percentiles_text
 from core.devices.camera_feed import FeedCounts
 from core.live.camera_source import CameraReport, CameraSource

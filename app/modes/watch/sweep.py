@@ -11,8 +11,8 @@ import numpy as np
 import viser
 
 from app import theme
-from app.background.worker import LatestWins
-from app.formatting.text import html_text
+from app.background.jobs import LatestWins
+from app.formatting import html_text
 from app.modes.mode import ModeHost
 from app.modes.watch.figures import coloured, figures_html
 from app.state.client_state import ClientState

@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 
 import viser
 
-from app.background.worker import LatestWins
-from app.formatting.text import html_text
+from app.background.jobs import LatestWins
+from app.formatting import html_text
 from app.modes.mode import ModeHost
 from app.modes.watch.figures import figures_html, muted
 from app.shared.live_rally import LiveRally
 from app.state.client_state import ClientState
-from app.state.table_clicks import CORNER_NAMES, TableClicks
+from app.state.swept_cells import CORNER_NAMES, TableClicks
 from app.widgets import when_changed, when_clicked
 from core.cameras import Camera
 from core.cameras.calibration.table_calibration import place_at_table, write_table_calibration

@@ -12,6 +12,13 @@
     <ul aria-label="Files of the server"></ul>
     <div class="question" hidden>
       <p></p><div class="facts"></div>
+      <fieldset>
+        <legend>What the file does not say (empty: as above)</legend>
+        <label>Width <input data-field="width" inputmode="numeric" maxlength="7" placeholder="px" autocomplete="off"></label>
+        <label>Height <input data-field="height" inputmode="numeric" maxlength="7" placeholder="px" autocomplete="off"></label>
+        <label>Time unit <select data-field="time_unit"><option value=""></option><option>ns</option><option>us</option><option>ms</option><option>s</option></select></label>
+        <label>Polarity <input data-field="polarity" class="wide" maxlength="200" placeholder="1=on,2=off" autocomplete="off"></label>
+      </fieldset>
       <div class="end"><button type="button" data-do="cancel">Cancel</button><button type="button" data-do="import" class="main">Import</button></div>
     </div>
     <p class="more"></p>
@@ -30,9 +37,10 @@
   veil.textContent = "Drop the file to open it";
   const find = (selector) => dialog.querySelector(selector);
   const list = find("ul"), search = find("[type=search]"), chosen = find("[type=file]"), busy = find(".busy"), question = find(".question");
+  const fields = [...dialog.querySelectorAll("[data-field]")], main = find(".question .main");
   const element = (name, text) => { const made = document.createElement(name); made.textContent = text; return made; };
 
-  let files = [], leftOut = 0, upload = null, importing = false, seen = 0, asked = 0;
+  let files = [], leftOut = 0, upload = null, importing = false, seen = 0, asked = 0, answered = {}, refused = false;
 
   const open = () => {
     if (!dialog.open) { say(""); dialog.showModal(); }
@@ -108,14 +116,14 @@
 
   const ask = (message) => {
     const asks = message.state === "question";
-    if (asks && !question.hidden) return;
+    if (asks && !question.hidden) return; // what stands in the fields is the person's
     question.hidden = !asks;
     dialog.classList.toggle("asks", asks);
     if (!asks) return;
     if (!dialog.open) open();
     const facts = question.querySelector(".facts");
-    question.querySelector("p").textContent = `${message.file}: please look at this before it is imported.`
-      + (message.complete ? "" : " It is large: only its first part was read.");
+    question.querySelector("p").textContent = (message.refused ? `${message.file} cannot be imported as it is.`
+      : `${message.file}: please look at this before it is imported.`) + (message.complete ? "" : " It is large: only its first part was read.");
     facts.replaceChildren(...message.cameras.map(({ name, rows }) => {
       const table = document.createElement("table");
       if (message.cameras.length > 1) table.append(element("caption", `Camera ${name}`));
@@ -134,7 +142,17 @@
       found.append(...lines.map((line) => element("li", line)));
       facts.append(element("h3", title), found);
     }
-    question.querySelector("[data-do=import]").focus();
+    answered = message.fields;
+    refused = message.refused;
+    for (const field of fields) field.value = answered[field.dataset.field] || "";
+    offer();
+    (refused ? fields[0] : main).focus();
+  };
+  const written = () => Object.fromEntries(fields.map((field) => [field.dataset.field, field.value.trim()]));
+  const offer = () => { // what is filled in is looked at before it is imported
+    const anew = refused || Object.entries(written()).some(([name, value]) => value !== (answered[name] || ""));
+    main.dataset.do = anew ? "check" : "import";
+    main.textContent = anew ? "Check" : "Import";
   };
 
   // Sending a file --------------------------------------------------------------------------------------------------
@@ -188,10 +206,15 @@
     if (button.dataset.key) { say(""); rallyscope.send("files", { do: "open", key: button.dataset.key }); }
     else if (button.dataset.do === "choose") chosen.click();
     else if (button.dataset.do === "import") rallyscope.send("files", { do: "import", number: seen });
+    else if (button.dataset.do === "check") { say(""); rallyscope.send("files", { do: "check", number: seen, fields: written() }); }
     else if (button.dataset.do === "cancel") cancel();
     else if (button.dataset.do === "close") dialog.close();
   });
   chosen.addEventListener("change", () => { if (chosen.files.length) send(chosen.files[0]); chosen.value = ""; });
+  for (const field of fields) {
+    field.addEventListener("input", offer);
+    field.addEventListener("keydown", (event) => { if (event.key === "Enter") { event.preventDefault(); main.click(); } });
+  }
   dialog.addEventListener("close", () => { if (!question.hidden) cancel(); });
   dialog.addEventListener("keydown", (event) => event.stopPropagation()); // keys of the app mean nothing here
   addEventListener("keydown", (event) => {

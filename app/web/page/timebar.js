@@ -150,6 +150,7 @@
     for (const runs of Object.values(tracks.runs)) for (const [, , kind] of runs) kinds.add(kind);
     const legend = Object.keys(tracks.rates).map((name, number) => [name, RATES[number % RATES.length]]);
     for (const kind of kinds) legend.push([words(kind), COLOURS[kind] || "#888"]);
+    find("#rallyscope-legend").title = legend.map(([name]) => name).join(", ");
     find("#rallyscope-legend").replaceChildren(...legend.map(([name, colour]) => {
       const item = document.createElement("span");
       item.textContent = name;

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
+from threadpoolctl import threadpool_limits
 
 from core.cameras.calibration.body_tracks import BodyTracks, Samples
 from core.cameras.calibration.bundle import NEAREST, OUTLIER_SIGMAS, WORST_PX, Rig, blocked_covariance, points_of
@@ -279,7 +280,8 @@ def _solve(
 
     method: Any = slopes  # scipy's annotations of `jac` know only names
     start = np.zeros(int(free.sum()))
-    found = least_squares(residuals, start, jac=method, loss=loss, x_scale="jac", max_nfev=ROUNDS, xtol=1e-10)
+    with threadpool_limits(1):  # of some 20 columns: several threads only wait for each other on a busy machine
+        found = least_squares(residuals, start, jac=method, loss=loss, x_scale="jac", max_nfev=ROUNDS, xtol=1e-10)
     return moved_rig(rig, free, found.x)
 
 

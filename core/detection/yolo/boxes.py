@@ -1,12 +1,23 @@
-"""Decoding of the heads' outputs to boxes with a confidence, and non-maximum suppression."""
+"""The network's output as boxes: anchors, decoding to boxes with a confidence, non-maximum suppression."""
 
 from __future__ import annotations
+
+from typing import Final
 
 import torch
 from torch import Tensor
 
-from core.detection.yolo.anchors import ANCHORS_PX, FIELDS, SCALE_XY
 from core.detection.yolo.config import STRIDES
+
+ANCHORS_PX: Final = ((18.0, 26.0, 38.0), (6.0, 9.0, 13.0))
+"""Sides at the two heads (strides 32 and 16), in pixels of the input. The published ones were fitted to COCO (10 to 344
+px, oblong); balls are square, and 6 to 20 px across at half size, so that these are spread evenly on a scale of
+ratios: no ball is more than 1.25 times as large or small as the nearest."""
+FIELDS: Final = 6
+"""Fields of a box: x, y, width, height, objectness, and class (there is one: a ball)."""
+SCALE_XY: Final = 1.05
+"""A centre may lie slightly outside its cell, so that one on its edge can be predicted (as published)."""
+
 
 LARGEST = 4.0
 """Largest logarithm of a box's size over its anchor: exp overflows on an untrained head's output."""

@@ -12,7 +12,7 @@ from typing import Final
 import torch
 from torch import Tensor, nn
 
-from core.detection.yolo.anchors import ANCHORS_PX, FIELDS
+from core.detection.yolo.boxes import ANCHORS_PX, FIELDS
 
 LEAK: Final = 0.1
 """Slope of the activation below zero."""

@@ -16,7 +16,7 @@ from core.detection.yolo.config import YoloConfig
 from core.detection.yolo.network import YoloTiny
 from core.errors import WRITE_REMEDY, ConfigError, RallyscopeError
 from core.files import replace_file
-from core.text.json_text import parse_json
+from core.text import parse_json
 
 FORMAT: Final = "rallyscope-yolo-1"
 SHIPPED: Final = Path(__file__).with_name("weights.safetensors")

@@ -39,9 +39,8 @@ from core.learning.agents.networks import (
 from core.learning.agents.policy import Policy
 from core.learning.agents.replay import ReplayBuffer
 from core.learning.config import RunConfig
-from core.learning.task.environment import draw_goals
+from core.learning.task.environment import draw_goals, racket_table
 from core.learning.task.normalise import STATE_SIZES, normal_observations
-from core.learning.task.racket_table import racket_table
 from core.learning.task.reward import Weights, rewards_of
 
 Array = NDArray[np.float64]

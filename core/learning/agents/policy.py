@@ -19,7 +19,7 @@ from core.errors import ConfigError
 from core.files import replace_file
 from core.learning.config import StateKind
 from core.learning.task.normalise import STATE_SIZES, normal_observations
-from core.text.json_text import parse_json
+from core.text import parse_json
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from core.learning.agents.policy import ActionSource
 from core.learning.config import EnvironmentConfig, GoalConfig
-from core.learning.evaluation.episode_record import landing_errors_mm
-from core.learning.evaluation.policy_evaluator import MISSED_MM
+from core.learning.evaluation.policy_evaluator import MISSED_MM, landing_errors_mm
 from core.learning.task.environment import draw_serve_batch, play
 from core.physics.episode import Case
 from core.table import TABLE_LENGTH_M, TABLE_WIDTH_M

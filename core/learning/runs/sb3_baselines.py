@@ -22,12 +22,10 @@ from core.learning.agents.networks import layers_of
 from core.learning.agents.policy import Policy
 from core.learning.agents.replay import ReplayStart
 from core.learning.config import RunConfig
-from core.learning.evaluation.episode_record import episode_line
+from core.learning.evaluation.policy_evaluator import episode_line
 from core.learning.gym_environment import OneStepReturn
 from core.learning.runs.training import BALLS
-from core.learning.task.environment import ServeBatch, draw_serve_batch
-from core.learning.task.episode_backend import EpisodeBackend
-from core.learning.task.racket_table import racket_table
+from core.learning.task.environment import EpisodeBackend, ServeBatch, draw_serve_batch, racket_table
 from core.learning.task.reward import episode_rewards, reward_weights
 
 Floats = NDArray[np.float32]

@@ -14,11 +14,9 @@ from numpy.typing import NDArray
 
 from core.errors import ConfigError
 from core.learning.config import EnvironmentConfig
-from core.learning.evaluation.policy_evaluator import PolicyEvaluator, PolicyScore, score_played
-from core.learning.evaluation.trivial_policies import score_trivial_policies
+from core.learning.evaluation.policy_evaluator import PolicyEvaluator, PolicyScore, score_played, score_trivial_policies
 from core.learning.runs.run_files import load_policy, read_run, seeds_of
-from core.learning.task.environment import evaluation_balls
-from core.learning.task.episode_backend import EpisodeBackend
+from core.learning.task.environment import EpisodeBackend, evaluation_balls
 
 Array = NDArray[np.float64]
 

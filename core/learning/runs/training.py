@@ -17,10 +17,16 @@ from core.learning.agents.process_agent import ProcessAgent
 from core.learning.agents.reflection_agent import ReflectionAgent
 from core.learning.agents.replay import ReplayBuffer, ReplayStart, start_stage
 from core.learning.config import RunConfig
-from core.learning.evaluation.episode_record import episode_line, transition_of
-from core.learning.runs.checkpoints import pack_arrays, restore_arrays
-from core.learning.task.environment import ServeBatch, action_size, check_actions, draw_serve_batch
-from core.learning.task.episode_backend import ClosedFormBackend, EpisodeBackend
+from core.learning.evaluation.policy_evaluator import episode_line, transition_of
+from core.learning.runs.run_files import pack_arrays, restore_arrays
+from core.learning.task.environment import (
+    ClosedFormBackend,
+    EpisodeBackend,
+    ServeBatch,
+    action_size,
+    check_actions,
+    draw_serve_batch,
+)
 from core.learning.task.reward import episode_rewards, reward_weights
 from core.physics.episode import Case
 

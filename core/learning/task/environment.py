@@ -2,27 +2,204 @@
 
 A delivery holds everything random about an episode (the serve, the target, the noise), so that playing an action is
 deterministic: the same balls evaluate every policy, and a resumed run meets the same ones.
+
+Backends that observe and play balls: the closed-form simulator, which needs microseconds, or something slower that
+plays the same task, ball by ball: through the event cameras, or in a simulation server.
+
+Balls of human play in place of drawn serves: read once, split by flight into training, validation and test. Every state
+in a file begins a flight of its own, so a flight is never on both sides. Neighbours in a file may be strokes of one
+rally: they stay together in blocks, and whole blocks are dealt to the parts, always in the same way.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from core.errors import AgentError
-from core.learning.config import CHOSEN_MPS, EnvironmentConfig, GoalConfig
+from core.errors import AgentError, ConfigError
+from core.learning.config import CHOSEN_MPS, EnvironmentConfig, GoalConfig, RunConfig
 from core.learning.task.perception import perceive
-from core.learning.task.racket_table import racket_speeds
-from core.learning.task.recorded_balls import BallPart, recorded_balls, select_arrivals
 from core.learning.task.timed_points import turned_share
+from core.physics.ball_states import join_serves, read_ball_states
 from core.physics.episode import Arrivals, Outcomes, Serves, Strokes, strokes_from_actions
-from core.simulation.episodes.closed_form import fly_serves, return_balls
-from core.simulation.episodes.serve import draw_serves
+from core.physics.task import STAGE_SPEEDS_MPS, ServeConfig, TaskConfig
+from core.simulation.episodes.closed_form import draw_serves, fly_serves, return_balls
+from core.simulation.episodes.incoming import fly_incoming
+
+Floats = NDArray[np.float32]
+SAMPLE = 64
+"""Serves per speed: their arrival speeds differ by 1 %."""
+
+
+def racket_table(config: RunConfig) -> tuple[Floats, Floats]:
+    """Mean speed of arrival along x, ascending, and the racket's speed, both (K,), of the run's stages.
+
+    Recorded balls have all speeds, and so the whole table.
+    """
+    task = config.environment.task
+    if config.environment.recorded:
+        return _whole_table(task)
+    return _table(task, tuple(sorted(set(config.curriculum.speeds_mps))))
+
+
+def racket_speeds(arrivals: Arrivals, task: TaskConfig) -> NDArray[np.float64]:
+    """(N,) racket speed for arriving balls, m/s."""
+    return np.interp(-arrivals.states[:, 3], *_whole_table(task))
+
+
+def _whole_table(task: TaskConfig) -> tuple[Floats, Floats]:
+    return _table(dataclasses.replace(task, serve=ServeConfig()), STAGE_SPEEDS_MPS)
+
+
+@functools.lru_cache(maxsize=16)
+def _table(task: TaskConfig, speeds_mps: tuple[float, ...]) -> tuple[Floats, Floats]:
+    rng = np.random.default_rng(0)
+    incoming = [
+        -np.nanmean(fly_serves(draw_serves(speed, SAMPLE, task, rng), task).states[:, 3]) for speed in speeds_mps
+    ]
+    racket = [task.stroke.racket_speed.at(speed) for speed in speeds_mps]
+    return np.array(incoming, np.float32), np.array(racket, np.float32)
+
 
 Array = NDArray[np.float64]
+
+
+class EpisodeBackend(Protocol):
+    """Plays balls one at a time: `observe`, then `play` the same ball."""
+
+    def begin(self, seed: int) -> None:
+        """Restart: equal seeds then give equal observations of equal balls."""
+        ...
+
+    def observe(self, delivery: ServeBatch) -> ServeBatch:
+        """Serve the one ball of `delivery`; returns it with the observations up to the decision."""
+        ...
+
+    def play(self, delivery: ServeBatch, action: Array) -> Outcomes:
+        """Outcome of the action (1, 3) on the observed ball."""
+        ...
+
+    def close(self) -> None:
+        """Close threads and connections."""
+        ...
+
+
+class ClosedFormBackend:
+    """The simulator of `environment`: a batch already contains its observations."""
+
+    def __init__(self, config: EnvironmentConfig) -> None:
+        """Raise ConfigError for a state source that needs event cameras."""
+        if config.state_source == "events":
+            raise ConfigError(
+                "states from events need event cameras",
+                where="state_source",
+                remedy="give the training the court of core.live.worlds.event_environment, as `rallyscope train` does",
+            )
+        self._config = config
+
+    def begin(self, seed: int) -> None:
+        """Do nothing: nothing is random here."""
+
+    def observe(self, delivery: ServeBatch) -> ServeBatch:
+        """Return the batch, which already contains its observations."""
+        return delivery
+
+    def play(self, delivery: ServeBatch, action: Array) -> Outcomes:
+        """Play the balls as `environment.play` does."""
+        return play(delivery, action, self._config)
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+def observe_all(backend: EpisodeBackend, deliveries: ServeBatch) -> ServeBatch:
+    """Observe many balls, to be played in closed form: observations do not depend on the action."""
+    met = [backend.observe(deliveries[i : i + 1]) for i in range(len(deliveries))]
+    aims = [(one.aim_ps_m, one.aim_t_s) for one in met]
+    known = [(p, t) for p, t in aims if p is not None and t is not None]
+    return dataclasses.replace(
+        deliveries,
+        seen=np.concatenate([one.seen for one in met]),
+        states=np.concatenate([one.states for one in met]),
+        aim_ps_m=np.concatenate([p for p, _ in known]) if len(known) == len(met) else None,
+        aim_t_s=np.concatenate([t for _, t in known]) if len(known) == len(met) else None,
+    )
+
+
+BallPart = Literal["training", "validation", "test"]
+PARTS: Final[tuple[BallPart, ...]] = ("training", "validation", "test")
+SHARES: Final = (0.7, 0.1, 0.2)
+BLOCK: Final = 50
+"""Flights that follow one another in a file and stay together."""
+SPLIT_SEED: Final = 20260407
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedBalls:
+    """Playable balls and how they arrive."""
+
+    serves: Serves
+    arrivals: Arrivals
+
+
+def recorded_balls(place: str, part: BallPart, task: TaskConfig) -> RecordedBalls:
+    """The playable balls of a part, in the order of the files.
+
+    Raises:
+        ConfigError: if there is nothing playable.
+        RecordingError: if a file cannot be read, or holds something else.
+    """
+    return _parts(tuple((path, path.stat().st_mtime_ns) for path in ball_state_files(place)), task)[PARTS.index(part)]
+
+
+def ball_state_files(place: str) -> tuple[Path, ...]:
+    """The file, or the files of the folder: those whose names end in `.json`.
+
+    Raises:
+        ConfigError: if there is no such place, or nothing in it.
+    """
+    path = Path(place)
+    found = tuple(sorted(path.glob("*.json"))) if path.is_dir() else (path,) if path.is_file() else ()
+    if not found:
+        expected = "serves, spinning, a file of ball states, or a folder of such .json files"
+        raise ConfigError("no recorded balls", expected=expected, where=place)
+    return found
+
+
+def select_arrivals(a: Arrivals, which: slice | NDArray[np.bool_] | NDArray[np.intp]) -> Arrivals:
+    """Some of the arrivals."""
+    return Arrivals(a.legal[which], a.bounce_t_s[which], a.bounce_states[which], a.t_s[which], a.states[which])
+
+
+def part_of_flights(count: int) -> NDArray[np.int8]:
+    """(N,) the place in PARTS of each flight of a file."""
+    blocks = -(-count // BLOCK)
+    edges = np.round(np.cumsum(SHARES) * blocks).astype(int)
+    dealt = np.searchsorted(edges, np.random.default_rng(SPLIT_SEED).permutation(blocks), side="right")
+    return np.repeat(dealt, BLOCK)[:count].astype(np.int8)
+
+
+@functools.lru_cache(maxsize=4)
+def _parts(files: tuple[tuple[Path, int], ...], task: TaskConfig) -> tuple[RecordedBalls, ...]:
+    """Balls by part, see `PARTS`; changed files are read again."""
+    read = [read_ball_states(path) for path, _ in files]
+    balls, part = join_serves(read), np.concatenate([part_of_flights(len(one)) for one in read])
+    flown = fly_incoming(balls, task).arrivals
+    found = []
+    for number, name in enumerate(PARTS):
+        which = flown.legal & (part == number)
+        if not which.any():
+            where = ", ".join(path.name for path, _ in files)
+            raise ConfigError(f"no playable ball for {name}", got=f"{len(balls)} ball states", where=where)
+        found.append(RecordedBalls(balls[which], select_arrivals(flown, which)))
+    return tuple(found)
+
 
 EVALUATION_SEED = 20260404
 """Seed of the fixed balls that every policy is evaluated on; no training uses it."""
@@ -123,7 +300,7 @@ def play(deliveries: ServeBatch, actions: Array, config: EnvironmentConfig) -> O
     """Outcomes of actions (N, 3) in [-1, 1], one per ball; rows are independent."""
     strokes = strokes_of(deliveries, actions, config)
     if config.engine == "mujoco":
-        from core.simulation.episodes.mujoco_episode import simulate_episodes_mujoco
+        from core.simulation.episodes.mujoco_rally import simulate_episodes_mujoco
 
         return simulate_episodes_mujoco(deliveries.serves, strokes, config.task, dt_s=config.step_s)
     return return_balls(deliveries.arrivals, strokes, config.task)

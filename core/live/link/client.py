@@ -15,11 +15,8 @@ import zmq
 
 from core.errors import LinkError, NoAnswerError, NotReadyError, RefusedError
 from core.live.link import messages as m
-from core.live.link.address import split_address
-from core.live.link.guard import HandshakeWatch, check_reach, secure
-from core.live.link.keys import ClientKeys
-from core.live.link.listeners import LinkListeners
-from core.live.link.live_source import LinkListener, SourceStatus
+from core.live.link.guard import ClientKeys, HandshakeWatch, check_reach, secure, split_address
+from core.live.link.live_source import LinkListener, LinkListeners, SourceStatus
 from core.physics.config import PhysicsConfig
 
 logger = logging.getLogger(__name__)

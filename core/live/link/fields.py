@@ -17,6 +17,15 @@ import numpy as np
 from core.config import config_from_mapping, config_to_mapping
 from core.errors import ConfigError, LinkError
 
+MAX_EVENTS: Final = 2_000_000
+"""In one batch: two hundred times what a busy block of 10 ms holds."""
+MAX_ROWS: Final = 10_000
+COMMAND_BYTES: Final = 64 << 10
+MESSAGE_BYTES: Final = 32 << 20
+LONGEST_US: Final = 24 * 3600 * 1_000_000
+WALL_NS: Final = 1 << 62
+
+
 Wire = object
 """None, bool, int, float, str, bytes, or a list or str-keyed dict of them."""
 REQUIRED: Final = dataclasses.MISSING

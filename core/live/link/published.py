@@ -10,7 +10,7 @@ import numpy as np
 from core.events import Events
 from core.live.link import messages as m
 from core.recordings import PixelTruth
-from core.simulation.episodes.rally_events import RallyEvent
+from core.simulation.episodes.ball_outcome import RallyEvent
 
 if TYPE_CHECKING:  # it loads MuJoCo, which is not needed for real cameras
     from core.live.worlds.world import Block, ClassifiedBall, RacketContact

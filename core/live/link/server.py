@@ -1,10 +1,14 @@
-"""The simulation as a server: publishes blocks, takes commands, and keeps to wall time."""
+"""The simulation as a server: publishes blocks, takes commands, and keeps to wall time.
+
+While it compiles, a thread answers every command with "preparing" and how far it is.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
 import logging
+import threading
 import time
 import uuid
 from collections.abc import Callable, Mapping
@@ -18,20 +22,67 @@ from core.cameras import Camera
 from core.config import check_settings, setting
 from core.errors import LinkError, RallyscopeError
 from core.events import SensorSize
+from core.jit import kernels_ready
 from core.live.link import messages as m
 from core.live.link.adaptive_rate import AdaptiveRate
-from core.live.link.address import split_address
-from core.live.link.guard import LinkGateway, check_reach
-from core.live.link.keys import ServerKeys
+from core.live.link.guard import LinkGateway, ServerKeys, check_reach, split_address
 from core.live.link.published import contact_notice, event_batch, outcome_notice, published_ball_rows, serve_notice
-from core.live.link.responder import KernelProgress, PreparingResponder
 from core.live.worlds.world import Block, SimulatedWorld, WorldConfig
 from core.physics.episode import Case
+from core.simulation.episodes.incoming import RecordedServes
 from core.simulation.episodes.racket import RacketTarget
-from core.simulation.episodes.recorded_serves import RecordedServes
 from core.simulation.event_cameras.event_camera import BLOCK_US
 from core.simulation.scenes.scene import name_of_scene, scene_named
 from core.simulation.sensor.readout import ReadoutCounts
+
+logger = logging.getLogger(__name__)
+
+LOOK_EVERY_MS: Final = 100
+COMPILED: Final = ("core.physics", "core.simulation")
+"""Packages with nearly all kernels of a simulation."""
+KernelProgress = Callable[[int, int], None]
+"""Called with the kernels that are ready and those that there are, whenever more are ready."""
+
+
+class PreparingResponder:
+    """Answers every command with "preparing" on a thread of its own, which alone uses the socket until `stop`."""
+
+    def __init__(self, commands: zmq.Socket, on_progress: KernelProgress = lambda ready, known: None) -> None:
+        """`commands` is the bound ROUTER socket."""
+        self._commands, self._on_progress = commands, on_progress
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="preparing", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Release the socket; may be called again."""
+        self._ended.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        reported = 0
+        while not self._ended.is_set():
+            ready, known = kernels_ready(*COMPILED)
+            if ready > reported:
+                reported = ready
+                self._on_progress(ready, known)
+            if self._commands.poll(LOOK_EVERY_MS):
+                *envelope, data = self._commands.recv_multipart()
+                self._commands.send_multipart([*envelope, m.encode(_reply(data, ready, known))], zmq.NOBLOCK)
+
+
+def _reply(data: bytes, ready: int, known: int) -> m.Reply:
+    try:
+        number = m.decode(data, m.COMMANDS, m.COMMAND_BYTES).id
+    except LinkError as error:
+        logger.debug("ignored: %s", error)
+        number = 0
+    share = min(1.0, ready / known) if known else 0.0
+    error = f"the simulation is being prepared: {ready} of about {known} kernels are ready"
+    return m.Reply(
+        id=number, ok=False, error=error, session="", t_us=0, block_us=BLOCK_US, seed=0, cameras=(), preparing=share
+    )
+
 
 SENSOR: Final = SensorSize(64, 48)
 BLOCKS: Final = 120
@@ -60,8 +111,6 @@ def _scaled(camera: Camera) -> np.ndarray:
     scale = SENSOR.width_px / camera.sensor.width_px
     return camera.K * np.array([[scale], [scale], [1.0]])
 
-
-logger = logging.getLogger(__name__)
 
 HEARTBEAT_S: Final = 0.1
 LATE_S: Final = 0.4

@@ -10,7 +10,7 @@ from typing import BinaryIO, Final
 from isal import isal_zlib
 
 from core.recordings.log.growing import HEAD, MAGIC, MARKER, Json
-from core.text.json_text import parse_json
+from core.text import parse_json
 
 LARGEST_META: Final = 64 << 20
 """Bytes of a description; one that claims more is damaged."""

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from core.errors import RecordingError
 from core.events import SensorSize
-from core.recordings.sources.checking import CUT_SHORT, check_stream
+from core.recordings.sources.checking import CUT_SHORT, check_stream, note_padding, without_padding
 from core.recordings.sources.making import make_source
 from core.recordings.sources.source import (
     MICROSECONDS,
@@ -38,6 +38,20 @@ _VERSION_1: Final = b"#!AER-DAT1.0"
 _MAX_HEADER: Final = 16 << 20
 """jAER writes all its preferences into it."""
 _ROWS: Final = 1 << 17
+_RUN: Final = 64
+"""Rows in order that are taken for right behind a break."""
+_LATE_US: Final = 50_000
+_LONGEST_GAP_US: Final = 10_000_000
+"""Steps of time from one row to the next that are no break."""
+_LONGEST_STEP_US: Final = 1_000_000
+_RATE_FACTOR: Final = 16
+"""Behind a break times go on by such steps, and no more than so many times faster or slower: those of bytes that are
+out of place by one are 256 times as fast or slow.
+"""
+_MOST_BREAKS: Final = 100
+"""Breaks in a block behind which the order is looked for."""
+_FARTHEST_BYTES: Final = 1024
+"""How far behind lost bytes the next whole row is looked for."""
 _WRAP: Final = 1 << 32
 _DVS128: Final = SensorSize(128, 128)
 _DAVIS: Final = {"240": SensorSize(240, 180), "346": SensorSize(346, 260)}
@@ -74,10 +88,13 @@ def open_aedat2(path: Path, sensor: SensorSize | None) -> list[EventSource]:
             report.assume(f"{path.name}: bit 0 of an address is OFF, as in jAER, not as iniVation describes it.")
         yield from _decode(path, header, camera, report)
 
+    def check(parts, sensor, report, *, where):
+        return check_stream(parts, sensor, report, where=where, clock_lengths_us=(_WRAP >> 1,))
+
     polarity = Fact("0 = OFF, 1 = ON", Whence.FORMAT) if camera.davis else Fact("0 = ON, 1 = OFF", Whence.ASSUMED)
     whence = Whence.CAMERA if header.chip is not None else Whence.OPTION  # without a name the size tells the camera
     facts = {TIME_UNIT: MICROSECONDS, POLARITY: polarity}
-    return [make_source(path, "camera", label, camera.sensor, decode, check_stream, sensor_from=whence, facts=facts)]
+    return [make_source(path, "camera", label, camera.sensor, decode, check, sensor_from=whence, facts=facts)]
 
 
 def _read_header(path: Path) -> _Header:
@@ -126,13 +143,22 @@ def _camera_of(chip: str | None, sensor: SensorSize | None, path: Path) -> _Came
 
 
 def _decode(path: Path, header: _Header, camera: _Camera, report: DecodeReport) -> Iterator[Columns]:
-    clock, skipped = RunningClock(_WRAP), 0
+    clock, skipped, padding, displaced, cut = RunningClock(_WRAP), 0, 0, 0, 0
+    size, over = header.row.itemsize, b""
     with path.open("rb") as file:
         end = os.fstat(file.fileno()).st_size
         done = file.seek(header.size_bytes)
-        while data := file.read(_ROWS * header.row.itemsize):
+        while (data := file.read(_ROWS * size)) or over:
             done += len(data)
-            rows = np.frombuffer(data[: len(data) - len(data) % header.row.itemsize], header.row)
+            ends = done >= end or not data
+            data, bytes_out = _realigned(over + data, header.row)
+            displaced += bytes_out
+            whole = len(data) // size * size
+            held_back = 0 if ends else min(whole, _RUN * size)  # what begins there is judged with what follows
+            rows = np.frombuffer(data[: whole - held_back], header.row)
+            cut, over = len(data) - whole, b"" if ends else data[whole - held_back :]
+            rows, empty = without_padding(rows)
+            padding += empty
             t_us = clock.unwrap(rows["t"].astype(np.int64))
             address = rows["address"].astype(np.int64)
             pixels, external = _kinds(address, camera)
@@ -140,10 +166,47 @@ def _decode(path: Path, header: _Header, camera: _Camera, report: DecodeReport) 
             _add_triggers(t_us[external], address[external], camera, report)
             yield _pixels(t_us[pixels], address[pixels], camera)
             report.share = (done - header.size_bytes) / max(1, end - header.size_bytes)
-    rest = (end - header.size_bytes) % header.row.itemsize
-    report.leave_out(CUT_SHORT, rest, f"{path.name}: the last bytes are no whole event; the file was cut short.")
+    note_padding(padding, path.name, report)
+    note = f"{path.name}: the clock began again at 0 {clock.wraps} times; its time runs on."
+    report.change("clock began again", clock.wraps, note)
+    note = f"{path.name}: bytes were lost or added; {displaced} bytes there were left out."
+    report.leave_out("bytes out of place", displaced, note)
+    report.leave_out(CUT_SHORT, cut, f"{path.name}: the last bytes are no whole event; the file was cut short.")
     note = f"{path.name}: {skipped:,} samples of pictures and of the IMU were left out."
     report.leave_out("pictures and IMU", skipped, note)
+
+
+def _realigned(data: bytes, row: np.dtype) -> tuple[bytes, int]:
+    """The data with whole rows again behind bytes that were lost or added, and how many bytes are left out for that.
+
+    There two times or more leave the order, and they go on in order a few bytes further.
+    """
+    left_out, size, first = 0, row.itemsize, 0
+    while True:
+        t = np.frombuffer(data, row, len(data) // size)["t"][first:].astype(np.int64)
+        steps = np.stack([t[1:-1], t[2:]]) - t[:-2]
+        apart = ((steps < -_LATE_US) | (steps > _LONGEST_GAP_US)).all(axis=0)
+        for k in np.flatnonzero(apart)[:_MOST_BREAKS].tolist():
+            start = (first + k + 1) * size
+            end = _next_in_order(data, start, t[max(0, k - _RUN + 1) : k + 1], row)
+            if end is not None:
+                data, left_out, first = data[:start] + data[end:], left_out + end - start, first + k
+                break
+        else:
+            return data, left_out
+
+
+def _next_in_order(data: bytes, start: int, before_us: NDArray[np.int64], row: np.dtype) -> int | None:
+    """The byte behind `start` from which times go on in order and as fast as `before_us`; None if none is near."""
+    found: dict[int, int] = {}
+    last_us, span_us = int(before_us[-1]), int(np.ptp(before_us))
+    for end in range(start + 1, min(start + _FARTHEST_BYTES, len(data) - _RUN * row.itemsize)):
+        t = np.frombuffer(data, row, _RUN, end)["t"].astype(np.int64)
+        steps = np.diff(t, prepend=last_us)
+        in_order = ((steps >= -_LATE_US) & (steps <= _LONGEST_STEP_US)).all()
+        if in_order and span_us <= _RATE_FACTOR * np.ptp(t) and np.ptp(t) <= _RATE_FACTOR * (span_us + _RUN):
+            found[end] = int(np.abs(t - last_us).sum())
+    return min(found, key=found.__getitem__) if found else None
 
 
 def _kinds(address: NDArray[np.int64], camera: _Camera) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

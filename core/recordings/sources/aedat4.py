@@ -23,7 +23,7 @@ from core.events import SensorSize
 from core.recordings.sources.checking import check_stream
 from core.recordings.sources.making import make_source
 from core.recordings.sources.source import Columns, DecodeReport, EventSource
-from core.text.json_text import parse_json
+from core.text import parse_json
 
 _WORKER: Final = Path(__file__).with_name("faery_worker.py")
 _SILENCE_S: Final = 60

@@ -15,6 +15,7 @@ from core.events import Events, SensorSize
 from core.recordings.layout import MAX_TIME_US
 from core.recordings.sources.source import Columns, DecodeReport
 from core.recordings.sources.values import sifting
+from core.recordings.sources.values.assumed_sizes import LARGEST_PX
 
 _JITTER_US: Final = 1000
 """Steps back up to this are the disorder of a read-out or a network; the event gets the time of the one before it."""
@@ -26,7 +27,7 @@ MAX_LEFT_OUT: Final = 0.01
 """Share of the events beside the sensor, or of wrong time, from which it is not those events that are wrong."""
 FEW_LEFT_OUT: Final = 3
 """So many are never too many: a tiny file may have one odd row."""
-_MIN_ROWS: Final = 4096
+_MIN_ROWS: Final = 1 << 14
 """Parts are judged together up to this number, so that there are neighbours to look at."""
 NO_WRAPS: Final[tuple[int, ...]] = ()
 OUTSIDE: Final = "outside the sensor"
@@ -34,6 +35,7 @@ WRONG_TIME: Final = "wrong time"
 CUT_SHORT: Final = "bytes at the end"
 RESERVED_WORDS: Final = "reserved words"
 DAMAGED_TIMES: Final = "damaged time words"
+PADDING: Final = "padding"
 """Reasons for which something is left out."""
 
 
@@ -73,6 +75,31 @@ def check_table(
     yield from _sorted_parts(check.events(parts), sensor)
 
 
+def without_padding(rows: NDArray) -> tuple[NDArray, int]:
+    """The rows of a binary file, (N, K) or (N,) records, but for padding, and how many rows are that.
+
+    Padding is rows filled with zeros or ones beside another such row: no pixel has two events at one time.
+    """
+    columns = [rows[name] for name in rows.dtype.names] if rows.dtype.names else list(rows.T)
+    zeros, ones = np.ones((2, len(rows)), np.bool_)
+    for column in columns:
+        zeros &= column == 0
+        ones &= column == np.iinfo(column.dtype).max
+    filled = zeros | ones
+    if not filled.any():
+        return rows, 0
+    beside = np.zeros_like(filled)
+    beside[1:] |= filled[:-1]
+    beside[:-1] |= filled[1:]
+    empty = filled & beside
+    return rows[~empty], int(np.count_nonzero(empty))
+
+
+def note_padding(count: int, where: str, report: DecodeReport) -> None:
+    """Count rows that are no events but padding."""
+    report.leave_out(PADDING, count, f"{where}: {count:,} rows of zeros or ones (padding) were left out.")
+
+
 def refuse_many_outside(outside: int, total: int, sensor: SensorSize, largest: tuple[int, int], where: str) -> None:
     """Raise if so many addresses lie outside the sensor that its size must be wrong; `largest` column and row found.
 
@@ -81,13 +108,29 @@ def refuse_many_outside(outside: int, total: int, sensor: SensorSize, largest: t
     """
     if outside <= max(FEW_LEFT_OUT, MAX_LEFT_OUT * total):
         return
-    width, height = max(largest[0] + 1, sensor.width_px), max(largest[1] + 1, sensor.height_px)
+    expected, remedy = _likeliest_size(sensor, largest)
     raise RecordingError(
         f"{outside:,} of {total:,} events lie outside the {sensor} sensor",
-        expected=f"a sensor of at least {width}x{height}, which would hold them",
+        expected=expected,
         where=where,
-        remedy="check the sensor size (--width, --height)",
+        remedy=remedy,
     )
+
+
+def _likeliest_size(sensor: SensorSize, largest: tuple[int, int]) -> tuple[str, str]:
+    """What would hold events that lie outside the sensor, and what to do."""
+    column, row = largest
+    turned = SensorSize(sensor.height_px, sensor.width_px)
+    if column < sensor.width_px and row < sensor.height_px:
+        return "no addresses below 0", "check which camera and which columns these are"
+    if max(column, row) >= LARGEST_PX:
+        expected = f"addresses of a sensor; they go up to {column}, {row}"
+        return expected, "bytes may be missing, or the file is of another format than it says"
+    if column < turned.width_px and row < turned.height_px:
+        return f"{turned}, which would hold them: width and height are exchanged", "give --width and --height"
+    width, height = max(column + 1, sensor.width_px), max(row + 1, sensor.height_px)
+    expected = f"a sensor of at least {width}x{height}, which would hold them"
+    return expected, "check the sensor size (--width, --height)"
 
 
 def outside_note(outside: int, sensor: SensorSize, largest: tuple[int, int], where: str) -> str:
@@ -120,7 +163,7 @@ class _Check:
             rows = _cast(part)
             if waiting is not None:
                 rows = Columns(*(np.concatenate(pair) for pair in zip(waiting, rows, strict=True)))
-            ready = max(0, len(rows.t_us) - sifting.LOOK_AHEAD)
+            ready = max(0, len(rows.t_us) - sifting.FAR_AHEAD)
             yield from self._judge(rows, ready)
             if self.state[sifting.END]:
                 return

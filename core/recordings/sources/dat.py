@@ -15,9 +15,9 @@ import numpy as np
 
 from core.errors import RecordingError
 from core.events import SensorSize
-from core.recordings.sources.checking import CUT_SHORT, check_stream
+from core.recordings.sources.checking import CUT_SHORT, check_stream, note_padding, without_padding
 from core.recordings.sources.making import make_source
-from core.recordings.sources.prophesee_header import read_prophesee_header
+from core.recordings.sources.prophesee_header import note_two_sizes, read_prophesee_header
 from core.recordings.sources.source import Columns, DecodeReport, EventSource, Whence
 
 _EVENTS_OF_CHANGE: Final = (0x00, 0x0C)
@@ -48,9 +48,12 @@ def open_dat(path: Path, sensor: SensorSize | None) -> list[EventSource]:
         raise RecordingError("a DAT file without events of change", expected=expected, got=got, where=path)
     start = header.size_bytes + 2
     old = _is_version_1(path, start, header.dat_version)
+    size_given = sensor is not None
     sensor = sensor or header.sensor or (_ATIS if old else None)
 
     def decode(report: DecodeReport) -> Iterator[Columns]:
+        if not size_given:
+            note_two_sizes(header, path.name, report)
         if old and header.dat_version is None:
             report.assume(f"{path.name} names no version of DAT; by its addresses it is taken for version 1.")
         return _decode(path, start, report, old=old)
@@ -76,16 +79,19 @@ def _is_version_1(path: Path, start: int, version: int | None) -> bool:
 def _decode(path: Path, start: int, report: DecodeReport, *, old: bool) -> Iterator[Columns]:
     columns, rows, polarity = ((0, 0x1FF), (9, 0xFF), 17) if old else ((0, 0x3FFF), (14, 0x3FFF), 28)
     end = path.stat().st_size
-    done = start
+    done, padding = start, 0
     with path.open("rb") as file:
         file.seek(start)
         while data := file.read(_BLOCK_EVENTS * _EVENT_BYTES):
-            words = np.frombuffer(data, "<u4", 2 * (len(data) // _EVENT_BYTES))
-            t, address = words[0::2].astype(np.int64), words[1::2]
+            words = np.frombuffer(data, "<u4", 2 * (len(data) // _EVENT_BYTES)).reshape(-1, 2)
+            words, empty = without_padding(words)
+            padding += empty
+            t, address = words[:, 0].astype(np.int64), words[:, 1]
             x, y = ((address >> shift) & mask for shift, mask in (columns, rows))
             yield Columns(t, x, y, (address >> polarity) & 1 == 1)
             done += len(data)
             report.share = done / end
+    note_padding(padding, path.name, report)
     rest = (end - start) % _EVENT_BYTES
     note = f"{path.name}: the last {rest} bytes are not a whole event; the file was cut short."
     report.leave_out(CUT_SHORT, rest, note)

@@ -12,16 +12,25 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from core.errors import RecordingError
 from core.events import SensorSize
 from core.jit import njit
-from core.recordings.sources.checking import check_stream, outside_note, refuse_many_outside
+from core.recordings.sources.checking import (
+    CUT_SHORT,
+    FEW_LEFT_OUT,
+    MAX_LEFT_OUT,
+    OUTSIDE,
+    check_stream,
+    outside_note,
+    refuse_many_outside,
+)
 from core.recordings.sources.making import make_source
 from core.recordings.sources.source import Columns, DecodeReport, EventSource
+from core.recordings.sources.values.assumed_sizes import LARGEST_PX
 
 _SIGNATURE: Final = b"Event Stream"
 _HEADER: Final = struct.Struct("<12s3BBHH")
@@ -52,15 +61,27 @@ def open_es(path: Path, sensor: SensorSize | None) -> list[EventSource]:
         raise RecordingError("an Event Stream of this type", expected="dvs or atis", got=_TYPES[kind], where=path)
     if not width or not height:
         raise RecordingError("the file cannot be decoded", got=f"a sensor of {width}x{height}", where=path)
-    size = SensorSize(width, height)
+    stated, atis = SensorSize(width, height), kind == _ATIS
+    size = sensor or stated
+    bottom = height if size == stated or _fits(path, stated, atis) else size.height_px
 
     def decode(report: DecodeReport) -> Iterator[Columns]:
-        return _decode(path, size, kind == _ATIS, report)
+        return _decode(path, _Frame(size, bottom, atis), report)
 
-    return [make_source(path, "camera", "Event Stream", sensor or size, decode, check_stream)]
+    return [make_source(path, "camera", "Event Stream", size, decode, check_stream)]
 
 
-def _decode(path: Path, size: SensorSize, atis: bool, report: DecodeReport) -> Iterator[Columns]:
+class _Frame(NamedTuple):
+    """How the bytes of a file are read."""
+
+    size: SensorSize
+    bottom: int
+    """Rows of the sensor from which the file counts."""
+    atis: bool
+
+
+def _decode(path: Path, frame: _Frame, report: DecodeReport) -> Iterator[Columns]:
+    size, bottom, atis = frame
     state = np.zeros(7, np.int64)
     if path.stat().st_size == _HEADER.size:
         return
@@ -69,7 +90,7 @@ def _decode(path: Path, size: SensorSize, atis: bool, report: DecodeReport) -> I
     while True:
         t, x, y = (np.empty(_ROOM_EVENTS, np.int64) for _ in range(3))
         on = np.empty(_ROOM_EVENTS, np.bool_)
-        count = _decode_bytes(data, state, (size.width_px, size.height_px), atis, t, x, y, on)
+        count = _decode_bytes(data, state, (size.width_px, size.height_px, bottom), atis, t, x, y, on)
         if not count:
             break
         events += count
@@ -77,14 +98,59 @@ def _decode(path: Path, size: SensorSize, atis: bool, report: DecodeReport) -> I
         report.share = int(state[_POSITION]) / len(data)
     outside, largest = int(state[_OUTSIDE]), (int(state[_MAX_X]), int(state[_MAX_Y]))
     refuse_many_outside(outside, events + outside, size, largest, path.name)
-    if outside:
-        report.notes.append(outside_note(outside, size, largest, path.name))
-    if state[_GAPS]:
-        lost = f"{state[_LOST_BYTES]:,} bytes in {state[_GAPS]:,} places are no events and were left out"
-        report.notes.append(f"{path.name}: {lost}; how much time they took is not known.")
-    if len(data) - state[_POSITION]:
-        rest = len(data) - state[_POSITION]
-        report.notes.append(f"{path.name}: the last {rest} bytes are not a whole event; the file was cut short.")
+    lost, places = int(state[_LOST_BYTES]), int(state[_GAPS])
+    if lost > MAX_LEFT_OUT * len(data):
+        _refuse_wrong_size(data, size, atis, path)
+    report.leave_out(OUTSIDE, outside, outside_note(outside, size, largest, path.name))
+    note = f"{path.name}: {lost:,} bytes in {places:,} places are no events and were left out; how much time they took"
+    report.leave_out("bytes that are no events", lost, f"{note} is not known.")
+    rest = len(data) - int(state[_POSITION])
+    note = f"{path.name}: the last {rest} bytes are not a whole event; the file was cut short."
+    report.leave_out(CUT_SHORT, rest, note)
+
+
+def _refuse_wrong_size(data: np.memmap, size: SensorSize, atis: bool, path: Path) -> None:
+    """Refuse a sensor that is too small: with the largest there is, the same bytes would all be events.
+
+    Raises:
+        RecordingError: naming the size that would hold them.
+    """
+    found = _beyond(data, size, atis)
+    if found.lost_bytes <= MAX_LEFT_OUT * len(data):
+        refuse_many_outside(found.beyond, found.events, size, found.largest, path.name)
+
+
+def _fits(path: Path, size: SensorSize, atis: bool) -> bool:
+    """Whether all events but a few lie on a sensor of this size."""
+    if path.stat().st_size == _HEADER.size:
+        return True
+    found = _beyond(np.memmap(path, np.uint8, "r", _HEADER.size), size, atis)
+    return found.beyond <= max(FEW_LEFT_OUT, MAX_LEFT_OUT * found.events)
+
+
+class _Beyond(NamedTuple):
+    """Events beyond a sensor, if the bytes are read as those of the largest one."""
+
+    events: int
+    beyond: int
+    largest: tuple[int, int]
+    lost_bytes: int
+
+
+def _beyond(data: np.memmap, size: SensorSize, atis: bool) -> _Beyond:
+    state = np.zeros(7, np.int64)
+    largest, events, outside = (0, 0), 0, 0
+    while True:
+        t, x, y = (np.empty(_ROOM_EVENTS, np.int64) for _ in range(3))
+        on = np.empty(_ROOM_EVENTS, np.bool_)
+        count = _decode_bytes(data, state, (LARGEST_PX, LARGEST_PX, LARGEST_PX), atis, t, x, y, on)
+        if not count:
+            return _Beyond(events, outside, largest, int(state[_LOST_BYTES]))
+        x, y = x[:count], LARGEST_PX - 1 - y[:count]
+        beyond = (x >= size.width_px) | (y >= size.height_px)
+        events, outside = events + count, outside + int(np.count_nonzero(beyond))
+        if beyond.any():
+            largest = max(largest[0], int(x[beyond].max())), max(largest[1], int(y[beyond].max()))
 
 
 @njit
@@ -115,9 +181,18 @@ def _is_in_step(data, at, width, height, atis):
 
 
 @njit
+def _zeros(data, at):
+    """How many zeros follow each other from `at` on."""
+    end = at
+    while end < len(data) and data[end] == 0:
+        end += 1
+    return end - at
+
+
+@njit
 def _decode_bytes(data, state, size, atis, t, x, y, on):
     """Fill the columns as far as there is room; returns how many events there are."""
-    width, height = size
+    width, height, bottom = size
     at, now = state[_POSITION], state[_TIME]
     events = 0
     while at < len(data) and events < len(t):
@@ -129,6 +204,12 @@ def _decode_bytes(data, state, size, atis, t, x, y, on):
             continue
         if at + _EVENT_BYTES > len(data):
             break
+        zeros = _zeros(data, at) if byte == 0 else 0
+        if zeros >= 2 * _EVENT_BYTES:  # no pixel has two events at one time
+            state[_GAPS] += 1
+            state[_LOST_BYTES] += zeros
+            at += zeros
+            continue
         column = np.int64(data[at + 1]) | np.int64(data[at + 2]) << 8
         row = np.int64(data[at + 3]) | np.int64(data[at + 4]) << 8
         if column >= width or row >= height:
@@ -149,7 +230,7 @@ def _decode_bytes(data, state, size, atis, t, x, y, on):
         at += _EVENT_BYTES
         if atis and byte & 1:  # a measurement of brightness
             continue
-        t[events], x[events], y[events] = now, column, height - 1 - row
+        t[events], x[events], y[events] = now, column, bottom - 1 - row
         on[events] = (byte >> 1) & 1 if atis else byte & 1
         events += 1
     state[_POSITION], state[_TIME] = at, now

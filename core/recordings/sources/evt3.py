@@ -13,10 +13,10 @@ import numpy as np
 from core.jit import njit
 from core.recordings.sources.evt_time import (
     BAD_TIME,
+    EVT3_TIME,
     IGNORE,
     NO_DAMAGE,
     STOP,
-    TIME_HIGH,
     judge_time_high,
     next_time_high,
 )
@@ -29,14 +29,18 @@ VECT_12: Final = 0x4
 VECT_8: Final = 0x5
 TIME_LOW: Final = 0x6
 CONTINUED_4: Final = 0x7
+TIME_HIGH: Final = 0x8
 EXT_TRIGGER: Final = 0xA
 OTHERS: Final = 0xE
 CONTINUED_12: Final = 0xF
 
 NO_ROW: Final = 1 << 20
 """No row at all: what follows belongs to no event of change."""
-_SECOND: Final = 1_000_000 // 4096
-_MASK: Final = 0xFFF
+_SECOND: Final = EVT3_TIME.second
+_MASK: Final = EVT3_TIME.mask
+_FEW_LOWS: Final = 3
+"""So many fine times one after the other may be ahead of the others by damage."""
+_NEAR_WORDS: Final = 256
 _SUSPECT_WORDS: Final = 4096
 """A jump in time this close before damage is taken for part of it."""
 
@@ -45,13 +49,46 @@ HIGH, LOW, EPOCH, Y, BASE_X, BASE_ON, LAST_T, IGNORED, RESERVED, OUTSIDE, MAX_X,
 
 def start_state(words: np.ndarray) -> np.ndarray:
     """The state in front of the first word of a file."""
-    first = int(next_time_high(words, 0, 12, 0, _MASK))
+    first = int(next_time_high(words, 0, EVT3_TIME))
     state = np.zeros(12, np.int64)
     # Cameras repeat the coarse time every few microseconds, so what stands before the first one has that same time;
     # files written by software leave out the coarse time 0.
     state[HIGH] = first if first > 1 else 0
     state[LAST_T] = np.iinfo(np.int64).min
     return state
+
+
+@njit
+def _were_ahead(words, at, low):
+    """Whether the fine time of word `at` is right, which is less than the `low` before it: then that one was damaged.
+
+    It is if the next one goes on from it, and not from `low`, and only a few were ahead.
+    """
+    value = np.int64(words[at]) & 0xFFF
+    following = np.int64(-1)
+    for i in range(at + 1, min(at + _NEAR_WORDS, len(words))):
+        kind = np.int64(words[i]) >> 12
+        if kind in (TIME_LOW, TIME_HIGH):
+            following = np.int64(words[i]) & 0xFFF if kind == TIME_LOW else np.int64(-1)
+            break
+    if not value <= following < low:
+        return False
+    ahead = 0
+    for i in range(at - 1, max(-1, at - _NEAR_WORDS), -1):
+        kind = np.int64(words[i]) >> 12
+        if kind == TIME_HIGH or (kind == TIME_LOW and np.int64(words[i]) & 0xFFF <= value):
+            return ahead <= _FEW_LOWS
+        ahead += kind == TIME_LOW
+    return False
+
+
+@njit
+def _hold(t, events, latest):
+    """Put back the times of the last events that lie behind `latest`."""
+    for j in range(events - 1, -1, -1):
+        if t[j] <= latest:
+            break
+        t[j] = latest
 
 
 @njit
@@ -81,14 +118,20 @@ def decode_evt3(words, state, width, height, out):  # noqa: C901 (one branch for
                 t[events], x[events], y[events], on[events] = now, column, row, (word >> 11) & 1
                 events += 1
         elif kind == TIME_LOW:
-            low = word & 0xFFF
-            now = max(now, epoch + (high << 12) + low)
+            value = word & 0xFFF
+            if value >= low:
+                low, now = value, max(now, epoch + (high << 12) + value)
+            else:
+                state[IGNORED] += 1
+                if _were_ahead(words, i, low):
+                    low, now = value, epoch + (high << 12) + value
+                    _hold(t, events, now)
         elif kind == ADDR_Y:
             row = word & 0x7FF
         elif kind == TIME_HIGH:
             value = word & 0xFFF
             if value != high:
-                verdict = judge_time_high(words, i, value, high, 12, 0, _MASK, _SECOND)
+                verdict = judge_time_high(words, i, value, high, EVT3_TIME)
                 if verdict == STOP:
                     damage = BAD_TIME
                     break

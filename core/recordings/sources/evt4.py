@@ -5,7 +5,7 @@ Source: the word layout of OpenEB (decoders/evt4). The type is in the upper four
     C, D  the same for up to 32 pixels from x on; the next word, whatever it looks like, is the mask of them
     E     the coarse time, 28 bits, in steps of 64 us
     9     an external trigger: time (6), unused (9), channel (5), count (7), value (1)
-    6, 7  monitoring and what continues it;  F  padding;  others are reserved
+    6, 7  monitoring and what continues it;  F, or zeros  padding;  others are reserved
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from core.errors import RecordingError
 from core.events import SensorSize
 from core.jit import njit
 from core.recordings.sources.checking import CUT_SHORT, DAMAGED_TIMES, RESERVED_WORDS, check_stream
-from core.recordings.sources.evt_time import Decoded
+from core.recordings.sources.evt_time import EVT4_TIME, IGNORE, Decoded, judge_time_high, next_time_high
 from core.recordings.sources.making import make_source
-from core.recordings.sources.prophesee_header import PropheseeHeader
+from core.recordings.sources.prophesee_header import PropheseeHeader, note_two_sizes
 from core.recordings.sources.source import Columns, DecodeReport, EventSource, Whence
 
 VERSIONS: Final = ("EVT4", "EVT4.0")
@@ -38,8 +38,7 @@ _ROOM_EVENTS: Final = 1 << 18
 _ROOM_TRIGGERS: Final = 1 << 14
 _MAX_RESERVED: Final = 0.01
 """Of the first words: in a stream of this format there are none."""
-_MASK: Final = 0xFFFFFFF
-_SECOND: Final = 1_000_000 // 64
+_MASK: Final = EVT4_TIME.mask
 HIGH, EPOCH, RESERVED, DAMAGED = range(4)
 
 
@@ -64,16 +63,19 @@ def open_evt4(path: Path, header: PropheseeHeader, sensor: SensorSize | None) ->
         got = f"{state[RESERVED]:,} reserved words among the first {len(words):,}"
         raise RecordingError("the words are not those of EVT4, which the header names", got=got, where=path)
     whence = Whence.CAMERA if sensor is None and header.sensor_by_camera else Whence.FILE
-    return make_source(
-        path, "camera", "Prophesee EVT4", size, lambda report: _decode(path, header.size_bytes, report), check_stream,
-        sensor_from=whence,
-    )  # fmt: skip
+
+    def decode(report: DecodeReport) -> Iterator[Columns]:
+        if sensor is None:
+            note_two_sizes(header, path.name, report)
+        return _decode(path, header.size_bytes, report)
+
+    return make_source(path, "camera", "Prophesee EVT4", size, decode, check_stream, sensor_from=whence)
 
 
 def _start(words: NDArray[np.uint32]) -> NDArray[np.int64]:
     """The state in front of the first word: what stands before the first coarse time has that same time."""
     state = np.zeros(4, np.int64)
-    first = int(_next_high(words, 0))
+    first = int(next_time_high(words, 0, EVT4_TIME))
     state[HIGH] = first if first > 1 else 0
     return state
 
@@ -108,27 +110,6 @@ def _decode(path: Path, start: int, report: DecodeReport) -> Iterator[Columns]:
 
 
 @njit
-def _next_high(words, start):
-    """The next coarse time from word `start` on, or -1; the masks of vectors are passed over."""
-    i = start
-    while i < len(words):
-        kind = np.int64(words[i]) >> 28
-        if kind == TIME_HIGH:
-            return np.int64(words[i]) & _MASK
-        i += 2 if kind in (VECTOR_OFF, VECTOR_ON) else 1
-    return np.int64(-1)
-
-
-@njit
-def _is_damaged_time(words, i, value, high):
-    """Whether a coarse time that jumps is contradicted by the next one, which goes on from the time before."""
-    if ((value - high) & _MASK) <= _SECOND:
-        return False
-    following = _next_high(words, i + 1)
-    return following >= 0 and ((following - high) & _MASK) <= _SECOND
-
-
-@njit
 def _decode_words(words, state, out):
     """Fill `out`, a `Decoded`; returns (words used, events, triggers). A vector without its mask is not used."""
     t, x, y, on, trigger_t, trigger_on, trigger_id = out
@@ -154,7 +135,7 @@ def _decode_words(words, state, out):
                     events += 1
         elif kind == TIME_HIGH:
             value = word & _MASK
-            if _is_damaged_time(words, i, value, state[HIGH]):
+            if value != state[HIGH] and judge_time_high(words, i, value, state[HIGH], EVT4_TIME) == IGNORE:
                 state[DAMAGED] += 1
             else:
                 if state[HIGH] - value > _MASK // 2:
@@ -165,7 +146,7 @@ def _decode_words(words, state, out):
             trigger_t[triggers] = base + ((word >> 22) & 0x3F)
             trigger_on[triggers], trigger_id[triggers] = word & 1, (word >> 8) & 0x1F
             triggers += 1
-        elif kind not in (OTHERS, CONTINUED, PADDING):
+        elif kind not in (OTHERS, CONTINUED, PADDING) and word:
             state[RESERVED] += 1
         i += 1
     return i, events, triggers

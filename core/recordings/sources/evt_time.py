@@ -1,6 +1,6 @@
 """The coarse time words of Prophesee's EVT formats: which to believe.
 
-EVT2, EVT2.1 and EVT3 share one scheme: a word of type 8 carries the upper bits of the time, a counter that wraps. It is
+All of them share one scheme: words of one type carry the upper bits of the time, a counter that wraps. They are
 repeated many times a second, so a damaged one betrays itself by the next.
 """
 
@@ -13,16 +13,16 @@ from numpy.typing import NDArray
 
 from core.jit import njit
 
-TIME_HIGH: Final = 8
-
 BELIEVE: Final = 0
 IGNORE: Final = 1
 STOP: Final = 2
 
 _ASKED: Final = 8
 """Coarse times that are asked whether one before them is right."""
-_ODD_AMONG_ASKED: Final = 3
-"""So many of them may be damaged themselves where the step is a plausible one."""
+_ASKED_LONG: Final = 64
+"""Coarse times that are asked about a large step: a whole packet of damaged ones may follow."""
+_SMALL_SHARE: Final = 100
+"""A step of less than a second divided by this is not asked about for so long."""
 
 NO_DAMAGE, BAD_WORD, BAD_COLUMN, BAD_ROW, BAD_TIME = range(5)
 """Why a decoder stopped."""
@@ -47,47 +47,101 @@ class Decoded(NamedTuple):
         return Decoded(np.empty(events, np.int64), x, y, on, np.empty(triggers, np.int64), trigger_on, trigger_id)
 
 
+class CoarseTime(NamedTuple):
+    """Where the coarse time is in the words of a format."""
+
+    kind: int
+    """Type of its words."""
+    kind_shift: int
+    value_shift: int
+    mask: int
+    """Largest value of the counter."""
+    second: int
+    """One second in steps of the counter."""
+    pairs: bool = False
+    """Whether words of types C and D are followed by one of no type (EVT4)."""
+
+
+EVT2_TIME: Final = CoarseTime(8, 28, 0, 0xFFFFFFF, 1_000_000 // 64)
+EVT21_TIME: Final = CoarseTime(8, 60, 32, 0xFFFFFFF, 1_000_000 // 64)
+EVT3_TIME: Final = CoarseTime(8, 12, 0, 0xFFF, 1_000_000 // 4096)
+EVT4_TIME: Final = CoarseTime(14, 28, 0, 0xFFFFFFF, 1_000_000 // 64, pairs=True)
+
+
 @njit
-def next_time_high(words, start, type_shift, value_shift, mask):
-    """The value of the first coarse time word from `start` on, or -1."""
-    for i in range(start, len(words)):
+def _find_coarse(words, start, form):
+    """The first coarse time from word `start` on, or -1, and the number of the word after it."""
+    i = start
+    while i < len(words):
         word = np.uint64(words[i])
-        if word >> np.uint64(type_shift) == TIME_HIGH:
-            return np.int64((word >> np.uint64(value_shift)) & np.uint64(mask))
-    return np.int64(-1)
+        kind = np.int64(word >> np.uint64(form.kind_shift))
+        i += 1
+        if kind == form.kind:
+            return np.int64((word >> np.uint64(form.value_shift)) & np.uint64(form.mask)), i
+        if form.pairs and (kind == 0xC or kind == 0xD):
+            i += 1
+    return np.int64(-1), i
 
 
 @njit
-def judge_time_high(words, at, value, current, type_shift, value_shift, mask, second):
-    """Whether to believe the coarse time `value` of word `at` after `current`.
+def next_time_high(words, start, form):
+    """The value of the first coarse time word from `start` on, or -1."""
+    return _find_coarse(words, start, form)[0]
 
-    `second` is one second in steps of the counter, `mask` its largest value. A step of one is plain. Any other is
-    damage if the next coarse time goes on from the current one, or if those that follow do not go on from it. A step
-    back is damage, too, unless those that follow confirm it: then it is the end of what can be trusted.
+
+@njit
+def _comes_back(words, at, value, current, form):
+    """Whether most of the last coarse times of the next 64 go on from `current`, and not from the `value` of word `at`.
+
+    So a packet of wrong times is told from a pause and from a clock that was set.
     """
+    ahead = (value - current) & form.mask
+    longest = min(form.mask // 2, 600 * form.second)
+    limit = ahead - 1 if ahead <= longest else longest
+    latest = np.zeros(_ASKED, np.bool_)
+    seen, i = 0, at + 1
+    while seen < _ASKED_LONG:
+        following, i = _find_coarse(words, i, form)
+        if following < 0:
+            break
+        latest[seen % _ASKED] = (following - current) & form.mask <= limit
+        seen += 1
+    return 2 * np.count_nonzero(latest) > min(seen, _ASKED)
+
+
+@njit
+def judge_time_high(words, at, value, current, form):
+    """Whether to believe the coarse time `value` of word `at` after `current`; `form` is a `CoarseTime`.
+
+    A step of one is plain. Any other is damage if the next coarse time goes on from the current one, or if those that
+    follow do not go on from it. A step back is damage, too, unless those that follow confirm it: then it is the end of
+    what can be trusted.
+    """
+    mask, second = form.mask, form.second
     ahead = (value - current) & mask
     if ahead <= 1:
         return BELIEVE
     longest_pause = min(mask // 2, 600 * second)
     largest_step = longest_pause if ahead <= longest_pause else second
-    last, before, seen, going_on, odd, i = value, value, 0, 0, 0, at + 1
-    while seen < _ASKED and i < len(words):
-        word = np.uint64(words[i])
-        i += 1
-        if word >> np.uint64(type_shift) != TIME_HIGH:
-            continue
-        following = np.int64((word >> np.uint64(value_shift)) & np.uint64(mask))
+    last, seen, going_on, odd, i = value, 0, 0, 0, at + 1
+    while seen < _ASKED and odd < _ASKED_LONG:
+        following, i = _find_coarse(words, i, form)
+        if following < 0:
+            break
         going_on += (following - current) & mask <= min(second, ahead - 1)
         if going_on > min(seen, 1):
             return IGNORE
-        if (following - last) & mask > largest_step:
-            odd += 1  # this one, or the one before it
-            if odd > (_ODD_AMONG_ASKED if ahead <= second else 0):
+        if (following - last) & mask > largest_step and (following - value) & mask > largest_step:
+            odd += 1
+            if ahead > second:
                 return IGNORE
-            if (following - before) & mask > second:
-                continue
-        before, last = last, following
+            continue
+        last = following
         seen += 1
+    if odd > seen:
+        return IGNORE
+    if ahead > max(second // _SMALL_SHARE, 1) and _comes_back(words, at, value, current, form):
+        return IGNORE
     if ahead <= longest_pause:
         return BELIEVE
     return STOP if seen else IGNORE

@@ -18,6 +18,7 @@ from __future__ import annotations
 import json
 import mmap
 import os
+import re
 import struct
 import sys
 import tempfile
@@ -43,6 +44,9 @@ PLAIN = (b"EVTS", b"TRIG", b"FRME", b"IMUS")
 HEAD = struct.Struct("<ii")
 NONE = -1
 """Track of bytes that are no packet."""
+SIDE = re.compile(rb'(<attr key="size[XY]" type="int">)\s*\d+\s*(</attr>)')
+WIDEST = 32767
+"""No address of the format is larger."""
 
 
 class Packet(NamedTuple):
@@ -98,6 +102,7 @@ def decode_one_by_one(path: str, kinds: dict[int, str], wanted: int | None, star
     """Put each packet alone behind the header in a file of its own, so that a broken one harms no other."""
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         header, end = read_header(data)
+        wide = without_sizes(header)
         for packet in find_packets(data, len(header), end, kinds):
             if packet.number < start:
                 continue
@@ -108,7 +113,7 @@ def decode_one_by_one(path: str, kinds: dict[int, str], wanted: int | None, star
                 continue
             send(b"N", struct.pack("<Q", packet.number))
             with tempfile.NamedTemporaryFile(suffix=".aedat4") as alone:
-                alone.write(header + data[packet.start : packet.end])
+                alone.write(wide + data[packet.start : packet.end])
                 alone.flush()
                 try:
                     found = [(item, content) for item, content in aedat.Decoder(alone.name)]
@@ -147,6 +152,27 @@ def read_header(data: mmap.mmap) -> tuple[bytes, int]:
             end = stated if len(header) < stated <= end else end
             struct.pack_into("<q", header, root + place, -1)
     return bytes(header), end
+
+
+def without_sizes(header: bytes) -> bytes:
+    """The header with the largest sensors instead of its own: faery gives up a packet for one event outside.
+
+    The description is the text at the end of the header; where it is not, the header stays as it is.
+    """
+    base = len(MAGIC) + 4
+    with suppress(struct.error):
+        root = base + struct.unpack_from("<I", header, base)[0]
+        table = root - struct.unpack_from("<i", header, root)[0]
+        fields = struct.unpack_from("<H", header, table)[0] // 2 - 2
+        place = struct.unpack_from("<H", header, table + 8)[0] if fields > 2 else 0
+        text = root + place + struct.unpack_from("<I", header, root + place)[0]
+        (size,) = struct.unpack_from("<I", header, text)
+        if place and not header[text + 4 + size :].strip(b"\0"):
+            wide = SIDE.sub(rb"\g<1>%d\g<2>" % WIDEST, header[text + 4 : text + 4 + size])
+            wide += b"\0" * (4 - len(wide) % 4)
+            body = header[base:text] + struct.pack("<I", len(wide.rstrip(b"\0"))) + wide
+            return header[: len(MAGIC)] + struct.pack("<I", len(body)) + body
+    return header
 
 
 def find_packets(data: mmap.mmap, start: int, end: int, kinds: dict[int, str]) -> Iterator[Packet]:

@@ -143,10 +143,11 @@ def _open_table(path: Path, file: h5py.File, table: _Table, name: str, sensor: S
     seen: Survey | None = None
     sensor_from = Whence.FILE
     if sensor is None:
-        sensor = _stated_sensor(holders, None)
+        columns = [] if table.records else [dataset_at(group_at(file, table.path), name) for name in table.names]
+        sensor = _stated_sensor([*holders, *columns], None)
         if sensor is not None:  # some attributes do not tell which side is which: the events do
             seen = survey(read_in_parts(path, table.read, count, DecodeReport()))
-            sensor = _stated_sensor(holders, seen.largest)
+            sensor = _stated_sensor([*holders, *columns], seen.addresses.largest)
     if sensor is None and dsec and "t_offset" in file:
         sensor, sensor_from = _DSEC_SENSOR, Whence.DATA_SET
     return make_table_source(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Protocol
 
 from core.errors import RecordingError
 from core.events import Events, SensorSize
@@ -18,14 +18,9 @@ from core.recordings.sources.source import (
     RawColumns,
     Whence,
 )
+from core.recordings.sources.table_columns import addresses_from_column
+from core.recordings.sources.values.assumed_sizes import AddressCounts
 from core.recordings.sources.values.table_values import Meaning, Survey, find_meaning, survey
-
-_USUAL: Final = tuple(
-    SensorSize(*size)
-    for size in ((128, 128), (240, 180), (304, 240), (320, 240), (320, 320), (346, 260), (640, 480), (1280, 720))
-)
-_LARGEST_PX: Final = 4096
-"""No event camera has more columns or rows; a few addresses beyond are odd rows, no size."""
 
 
 class Check(Protocol):
@@ -86,7 +81,7 @@ def make_table_source(
             known.append(survey(rows(DecodeReport())))
         return known[0]
 
-    size = sensor or usual_sensor(*look().largest)
+    size = sensor or look().addresses.usual_sensor()
     whence = Whence.ASSUMED if sensor is None else sensor_from
 
     def decode(report: DecodeReport, meaning: Meaning) -> Iterator[Columns]:
@@ -128,18 +123,8 @@ def _shifted(part: Events, shift_us: int) -> Events:
 
 
 def _assume_sensor(parts: Iterable[Columns]) -> SensorSize:
-    """The smallest usual sensor that all events fit on, else one just large enough."""
-    width, height = 0, 0
+    """The sensor that the addresses of all events tell."""
+    addresses = AddressCounts()
     for part in parts:
-        if len(part.t_us):
-            width = max(width, int(part.x_px[part.x_px < _LARGEST_PX].max(initial=0)))
-            height = max(height, int(part.y_px[part.y_px < _LARGEST_PX].max(initial=0)))
-    return usual_sensor(width, height)
-
-
-def usual_sensor(column: int, row: int) -> SensorSize:
-    """The smallest usual sensor that has this column and row, else one just large enough."""
-    for sensor in _USUAL:
-        if column < sensor.width_px and row < sensor.height_px:
-            return sensor
-    return SensorSize(min(column + 1, _LARGEST_PX), min(row + 1, _LARGEST_PX))
+        addresses.add(addresses_from_column(part.x_px), addresses_from_column(part.y_px))
+    return addresses.usual_sensor()

@@ -72,7 +72,9 @@ def _load(path: Path) -> _Loaded:
     if isinstance(loaded, np.ndarray):
         return _from_array(loaded, path, None)
     with loaded:
-        names = list(loaded.files)
+        names = [name for name in loaded.files if f"{name}.npy" in loaded.zip.namelist()]
+        if not names:
+            raise ValueError("an archive without NumPy arrays; unpack it")
         small = {name: loaded[name] for name in names if _is_about_size(name)}
         stated = size_in_attributes(small)
         others = [name for name in names if name not in small]
@@ -86,13 +88,16 @@ def _load(path: Path) -> _Loaded:
             x, y = xy if xy.shape[0] == 2 != xy.shape[-1] else xy.T
             arrays = {"t": loaded[names[places["t"]]], "x": x, "y": y, "p": loaded[names[places["p"]]]}
         else:
-            places = find_columns(names, where=str(path))
+            places = find_columns([name.rpartition("/")[2] for name in names], where=str(path))
             arrays = {column: loaded[names[place]] for column, place in places.items()}
         arrays = {column: array.reshape(-1) if 1 in array.shape else array for column, array in arrays.items()}
         lengths = {column: array.shape for column, array in arrays.items()}
         if len(set(lengths.values())) != 1 or arrays["t"].ndim != 1:
             raise RecordingError("event columns differ in shape", expected="equal lengths", got=lengths, where=path)
-        return _columns(arrays, unit_of_name(names[places["t"]]), stated)
+        found = _columns(arrays, unit_of_name(names[places["t"]]), stated)
+        used = {pair, *(names[place] for place in places.values() if place < len(names))}
+        unread = ", ".join(name for name in others if name not in used)
+        return found._replace(assumed=(f"{path.name} also holds {unread}, which is not read.",)) if unread else found
 
 
 def _is_about_size(name: str) -> bool:

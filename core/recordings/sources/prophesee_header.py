@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Final
 
 from core.events import SensorSize
+from core.recordings.sources.source import DecodeReport
+from core.recordings.sources.values.stated_sizes import size_in_text, size_of
 
 _MAX_HEADER: Final = 64 << 10
 _GENERATIONS: Final = (
@@ -37,6 +39,8 @@ class PropheseeHeader:
     """Of a DAT file."""
     sensor_by_camera: bool = False
     """Whether the size is not stated, but that of the camera that the header names."""
+    other_sensor: SensorSize | None = None
+    """Another size that the header states, too."""
 
 
 def read_prophesee_header(path: Path) -> PropheseeHeader:
@@ -50,16 +54,23 @@ def read_prophesee_header(path: Path) -> PropheseeHeader:
         fields.setdefault(key.lower(), value.strip())
     format_name, _, extras = fields.get("format", "").partition(";")
     options = dict(item.split("=", 1) for item in extras.split(";") if "=" in item)
-    stated = _stated_sensor(fields, options)
+    stated = _stated_sensors(lines, options)
     return PropheseeHeader(
         size,
         _version(fields.get("evt"), format_name),
-        stated or _sensor_of_camera(fields),
+        stated[0] if stated else _sensor_of_camera(fields),
         options.get("endianness") == "legacy",
         is_dat=_is_dat(lines, head[size : size + 2]),
-        sensor_by_camera=stated is None,
+        sensor_by_camera=not stated,
         dat_version=int(fields["version"]) if fields.get("version", "").isdigit() else None,
+        other_sensor=stated[1] if len(stated) > 1 else None,
     )
+
+
+def note_two_sizes(header: PropheseeHeader, name: str, report: DecodeReport) -> None:
+    """Say which size is taken where the header states two."""
+    if header.other_sensor is not None:
+        report.assume(f"{name} states two sensor sizes, {header.sensor} and {header.other_sensor}; the first is taken.")
 
 
 def text_follows(path: Path, header: PropheseeHeader) -> bool:
@@ -106,24 +117,12 @@ def _version(evt: str | None, format_name: str) -> str | None:
     return None
 
 
-def _stated_sensor(fields: dict[str, str], options: dict[str, str]) -> SensorSize | None:
-    for width, height in (
-        (options.get("width"), options.get("height")),
-        tuple(fields.get("geometry", "x").lower().split("x", 1))
-        if "x" in fields.get("geometry", "x")
-        else (None, None),
-        (fields.get("width"), fields.get("height")),
-    ):
-        if (
-            width
-            and height
-            and width.isdigit()
-            and height.isdigit()
-            and 0 < int(width) <= 8192
-            and 0 < int(height) <= 8192
-        ):
-            return SensorSize(int(width), int(height))
-    return None
+def _stated_sensors(lines: list[str], options: dict[str, str]) -> list[SensorSize]:
+    """The different sizes that the header states, those of the format first."""
+    found = [size_of(options.get("width"), options.get("height"))]
+    found += [size_in_text([line]) for line in lines if not line.lower().startswith("format")]
+    found.append(size_in_text(line for line in lines if line.lower().startswith(("width", "height"))))
+    return list(dict.fromkeys(size for size in found if size is not None))
 
 
 def _sensor_of_camera(fields: dict[str, str]) -> SensorSize | None:

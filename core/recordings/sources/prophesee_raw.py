@@ -18,21 +18,41 @@ from numpy.typing import NDArray
 from core.errors import RecordingError
 from core.events import Events, SensorSize
 from core.recordings.hdf5 import read_only
-from core.recordings.sources.checking import CUT_SHORT, DAMAGED_TIMES, RESERVED_WORDS, outside_note, refuse_many_outside
+from core.recordings.sources.checking import (
+    CUT_SHORT,
+    DAMAGED_TIMES,
+    FEW_LEFT_OUT,
+    MAX_LEFT_OUT,
+    RESERVED_WORDS,
+    outside_note,
+    refuse_many_outside,
+)
 from core.recordings.sources.checking import OUTSIDE as OUTSIDE_SENSOR
-from core.recordings.sources.evt2 import decode_evt2, decode_evt21, start_state_evt2, start_state_evt21
+from core.recordings.sources.evt2 import (
+    LATE,
+    decode_evt2,
+    decode_evt21,
+    realigned_evt2,
+    start_state_evt2,
+    start_state_evt21,
+)
 from core.recordings.sources.evt3 import IGNORED, MAX_X, MAX_Y, OUTSIDE, RESERVED, decode_evt3, start_state
 from core.recordings.sources.evt4 import VERSIONS as EVT4_VERSIONS
 from core.recordings.sources.evt4 import open_evt4
 from core.recordings.sources.evt_time import BAD_COLUMN, BAD_ROW, BAD_TIME, BAD_WORD, Decoded
-from core.recordings.sources.prophesee_header import PropheseeHeader, read_prophesee_header, text_follows
+from core.recordings.sources.prophesee_header import (
+    PropheseeHeader,
+    note_two_sizes,
+    read_prophesee_header,
+    text_follows,
+)
 from core.recordings.sources.source import BINARY_FACTS, DecodeReport, EventSource, Whence
 
 _BLOCK_BYTES: Final = 1 << 20
 _ROOM_EVENTS: Final = 1 << 18
 _ROOM_TRIGGERS: Final = 1 << 14
-_MOSTLY_OUTSIDE: Final = 0.5
-"""With so many addresses outside, the words are not those of the format that the header names."""
+_MOSTLY_OUTSIDE: Final = 0.1
+"""With so many addresses outside beside damaged times, the words are not those of the format, or bytes are missing."""
 _DAMAGE: Final = {
     BAD_WORD: "a word of unknown type",
     BAD_COLUMN: "a column outside the sensor",
@@ -46,10 +66,12 @@ class _Format:
     word: np.dtype
     start_state: Callable[[NDArray], NDArray]
     decode: Callable[..., tuple[int, int, int, int]]
+    realigned: Callable[[bytes], tuple[bytes, int]] | None = None
+    """Whole words again behind bytes that were lost or added, and how many bytes are left out for that."""
 
 
 _FORMATS: Final = {
-    "EVT2": _Format(np.dtype("<u4"), start_state_evt2, decode_evt2),
+    "EVT2": _Format(np.dtype("<u4"), start_state_evt2, decode_evt2, realigned_evt2),
     "EVT2.1": _Format(np.dtype("<u8"), start_state_evt21, decode_evt21),
     "EVT3": _Format(np.dtype("<u2"), start_state, decode_evt3),
 }
@@ -75,6 +97,7 @@ def open_prophesee_raw(path: Path, sensor: SensorSize | None) -> list[EventSourc
             where=path,
         )
     whence = Whence.CAMERA if sensor is None and header.sensor_by_camera else Whence.FILE
+    size_given = sensor is not None
     sensor = sensor or header.sensor
     if sensor is None:
         raise RecordingError(
@@ -87,6 +110,8 @@ def open_prophesee_raw(path: Path, sensor: SensorSize | None) -> list[EventSourc
     def read(report: DecodeReport) -> Iterator[Events]:
         if version_assumed:
             report.assume(f"{path.name} names no version of its words; EVT2 is assumed, by the size of its sensor.")
+        if not size_given:
+            note_two_sizes(header, path.name, report)
         return _decode(path, header, _FORMATS[chosen], size, report)
 
     label = f"Prophesee {version}"
@@ -98,11 +123,18 @@ def _decode(
 ) -> Iterator[Events]:
     state: NDArray | None = None
     done, events_read, stopped = header.size_bytes, 0, False
+    displaced, over, size = 0, b"", kind.word.itemsize
     with path.open("rb") as file:
         end = os.fstat(file.fileno()).st_size
         file.seek(done)
         while not stopped and (data := file.read(_BLOCK_BYTES)):
-            words = np.frombuffer(data[: len(data) - len(data) % kind.word.itemsize], kind.word)
+            data = over + data
+            if kind.realigned is not None:
+                data, bytes_out = kind.realigned(data)
+                displaced += bytes_out
+                done += bytes_out
+            whole = len(data) // size * size
+            words, over = np.frombuffer(data[:whole], kind.word), data[whole:]
             if header.word_swapped:
                 words = (words >> np.uint64(32)) | (words << np.uint64(32))
             if state is None:
@@ -118,6 +150,8 @@ def _decode(
                     report.notes.append(f"{path.name}: stopped at byte {done:,} of {end:,}: {_DAMAGE[damage]}.")
                     stopped = True
                 words = words[used:]
+    note = f"{path.name}: bytes were lost or added; {displaced} bytes there were left out."
+    report.leave_out("bytes out of place", displaced, note)
     if done != end and not stopped:
         note = f"{path.name}: the last {end - done} bytes are not a whole word; the file was cut short."
         report.leave_out(CUT_SHORT, end - done, note)
@@ -132,7 +166,7 @@ def _say_left_out(
     """Count what was left out; a sensor that is too small for many events is refused."""
     outside, largest = int(state[OUTSIDE]), (int(state[MAX_X]), int(state[MAX_Y]))
     reserved, ignored = int(state[RESERVED]), int(state[IGNORED])
-    if not ignored and not damaged:  # else damage, and no wrong size
+    if ignored <= max(FEW_LEFT_OUT, MAX_LEFT_OUT * read) and not damaged:  # else damage, and no wrong size
         refuse_many_outside(outside, outside + read, sensor, largest, path.name)
     elif outside > _MOSTLY_OUTSIDE * (outside + read):
         raise RecordingError(
@@ -144,6 +178,9 @@ def _say_left_out(
     note = f"{path.name}: {reserved:,} words of reserved types (padding) were skipped."
     report.leave_out(RESERVED_WORDS, reserved, note)
     report.leave_out(DAMAGED_TIMES, ignored, f"{path.name}: {ignored} damaged time words were ignored.")
+    late = int(state[LATE]) if len(state) > LATE else 0
+    note = f"{path.name}: {late:,} events came up to 1 ms too early; they have the time before them."
+    report.change("time stepped back", late, note)
 
 
 def _decode_part(

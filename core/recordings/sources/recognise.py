@@ -29,7 +29,7 @@ from core.recordings.sources.ros import open_bag
 from core.recordings.sources.ros.bags import MCAP_MAGIC, ROS1_MAGIC, SQLITE_MAGIC, is_bag_folder
 from core.recordings.sources.sony_rallies import is_sony_file, is_sony_folder, open_sony_file, open_sony_folder
 from core.recordings.sources.source import EventSource, Whence
-from core.recordings.sources.text import open_text
+from core.recordings.sources.text import is_text_below_comments, open_text
 
 FORMATS: Final = (
     "Prophesee RAW and DAT, AEDAT4, Event Stream, HDF5 (Metavision, DSEC, MVSEC and others), npz, npy, CSV, bags of ROS"
@@ -59,6 +59,11 @@ def _open_file(path: Path, sensor: SensorSize | None) -> list[EventSource]:
         raise RecordingError("the file cannot be opened", got=error.strerror, where=path) from error
     if not head:
         raise RecordingError("the file is empty", where=path)
+    if head.startswith(b"version https://git-lfs"):
+        remedy = "fetch the file itself: git lfs pull"
+        raise RecordingError("the file is a pointer of Git LFS, not the file it stands for", where=path, remedy=remedy)
+    if head.lstrip()[:14].lower().startswith((b"<!doctype html", b"<html")):
+        raise RecordingError("the file is a web page: a download has failed", where=path, remedy="fetch it again")
     for reader in reversed(list(READERS.values())):
         if reader.recognises(path, head):
             return reader.opens(path, sensor)
@@ -66,6 +71,9 @@ def _open_file(path: Path, sensor: SensorSize | None) -> list[EventSource]:
         raise pickled(path)
     if (found := open_nmnist(path, sensor)) is not None:
         return found
+    for starts, what, remedy in _KNOWN_OTHERS:
+        if head.startswith(starts):
+            raise RecordingError(f"the file is {what}, and holds no events that can be read", where=path, remedy=remedy)
     others = [reader.label for name, reader in READERS.items() if not READERS.is_built_in(name)]
     raise RecordingError("the format is not recognised", expected=", ".join([*others, FORMATS]), where=path)
 
@@ -116,6 +124,8 @@ def _open_aedat(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     with path.open("rb") as file:
         got = file.readline(HEAD_BYTES).decode("ascii", "replace").strip()
     if got.startswith(("#!AER-DAT2.0", "#!AER-DAT1.0")):
+        if is_text_below_comments(path):
+            return open_text(path, sensor)
         return open_aedat2(path, sensor)
     if not got.startswith("#!AER-DAT4"):
         raise RecordingError("an older AEDAT version", expected="AEDAT4 or AEDAT 2.0", got=got, where=path)
@@ -150,6 +160,16 @@ def _is_text(path: Path, head: bytes) -> bool:
         ):
             return True
     return all(byte >= 32 or byte in b"\t\r\n\f" for byte in head) and 127 not in head
+
+
+_KNOWN_OTHERS: Final[tuple[tuple[tuple[bytes, ...], str, str], ...]] = (
+    ((b"\x1f\x8b", b"BZh", b"\xfd7zXZ", b"\x28\xb5\x2f\xfd", b"Rar!", b"7z\xbc\xaf"), "compressed", "unpack it first"),
+    ((b"\x89PNG", b"\xff\xd8\xff", b"BM", b"GIF8", b"II*\0", b"MM\0*"), "a picture", "pictures come with --frames"),
+    ((b"\0\x05\x16\x07",), "one that macOS lays beside another (._NAME)", "give the file without ._ in its name"),
+    ((b"PAR1",), "a Parquet file", "write t, x, y and p to a CSV or an .npz"),
+    ((b"MATLAB 5.0",), "a MAT-file", "save it with -v7.3, or write t, x, y and p to a CSV"),
+)
+"""How files of other kinds begin, what they are, and what to do."""
 
 
 def _starts_with(*starts: bytes) -> Recognise:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras import Camera
+from core.errors import RecordingError
 from core.events import Events, SensorSize
 from core.recordings.recording import Triggers
 from core.recordings.truth import BallTruth
@@ -80,6 +81,21 @@ class Stated:
     """One of `ns`, `us`, `ms`, `s`."""
     polarity: Mapping[str, bool] | None = None
     """Value in the file, as text -> whether it is ON."""
+
+
+def parse_polarity(text: str) -> dict[str, bool]:
+    """Value in the file -> whether it is ON, from words such as `1=on,2=off`.
+
+    Raises:
+        RecordingError: if it is anything else, or states a value twice.
+    """
+    found: dict[str, bool] = {}
+    for word in text.split(","):
+        value, _, meaning = (part.strip() for part in word.rpartition("="))
+        if not value or value in found or meaning.lower() not in ("on", "off"):
+            raise RecordingError("not the meaning of polarities", expected="such as 1=on,2=off", got=repr(text))
+        found[value] = meaning.lower() == "on"
+    return found
 
 
 @dataclass(slots=True)

@@ -13,45 +13,30 @@ from core.errors import RecordingError
 
 _NAMES: Final = {
     "t": (
-        "t",
-        "ts",
-        "time",
-        "times",
-        "timestamp",
-        "timestamps",
-        "t_us",
-        "time_us",
-        "timestamp_us",
-        "t_s",
-        "time_s",
-        "timestamp_s",
-        "t_ms",
-        "time_ms",
-        "timestamp_ms",
-        "t_ns",
-        "time_ns",
-        "timestamp_ns",
-        "timestamps_us",
-        "timestamps_ns",
-        "stamp",
-        "time_stamp",
+        "t", "ts", "time", "times", "timestamp", "timestamps", "stamp", "time_stamp", "event_time", "event_timestamp",
+        "t_event", "device_timestamp",
     ),
     "x": (
-        "x",
-        "xs",
-        "x_px",
-        "x_pos",
-        "col",
-        "column",
-        "x_coordinate",
-        "x_addr",
-        "addr_x",
-        "pixel_x",
-        "pos_x",
-        "coord_x",
+        "x", "xs", "x_px", "x_pos", "col", "column", "cols", "x_coordinate", "x_addr", "addr_x", "pixel_x", "pos_x",
+        "coord_x", "x_coord", "event_x", "u",
     ),
-    "y": ("y", "ys", "y_px", "y_pos", "row", "y_coordinate", "y_addr", "addr_y", "pixel_y", "pos_y", "coord_y"),
-    "p": ("p", "ps", "pol", "pols", "polarity", "polarities", "on", "sign", "is_on", "on_off"),
+    "y": (
+        "y", "ys", "y_px", "y_pos", "row", "rows", "y_coordinate", "y_addr", "addr_y", "pixel_y", "pos_y", "coord_y",
+        "y_coord", "event_y", "v",
+    ),
+    "p": ("p", "ps", "pol", "pols", "polarity", "polarities", "on", "sign", "is_on", "on_off", "event_polarity"),
+}  # fmt: skip
+"""Usual spellings; that of a time may end with its unit."""
+_UNIT_AT_END: Final = re.compile(r"_(ns|us|ms|s|nsec|usec|msec|sec|nanoseconds|microseconds|milliseconds|seconds)$")
+_UNITS: Final = {
+    "nano": "ns",
+    "micro": "us",
+    "milli": "ms",
+    "seco": "s",
+    "nsec": "ns",
+    "usec": "us",
+    "msec": "ms",
+    "sec": "s",
 }
 
 
@@ -76,15 +61,12 @@ def find_columns(names: Sequence[str], *, where: str) -> dict[str, int]:
     Raises:
         RecordingError: if one is missing.
     """
-    spelled = [
-        re.sub(
-            r"[\s_\[(]+", "_", name.strip("\ufeff\"'# %\t\r\n").lower().replace("µ", "u").replace("μ", "u").rstrip("])")
-        )
-        for name in names
-    ]
+    spelled = [_spelled(name) for name in names]
+    times = [_UNIT_AT_END.sub("", name) for name in spelled]
     found: dict[str, int] = {}
     for column, spellings in _NAMES.items():
-        position = next((spelled.index(name) for name in spellings if name in spelled), None)
+        own = times if column == "t" else spelled
+        position = next((own.index(name) for name in spellings if name in own), None)
         if position is None:
             raise RecordingError(
                 f"no column for {column}", expected=f"one of {', '.join(spellings)}", got=", ".join(names), where=where
@@ -95,5 +77,14 @@ def find_columns(names: Sequence[str], *, where: str) -> dict[str, int]:
 
 def unit_of_name(name: str) -> str | None:
     """Unit of a time column (`ns`, `us`, `ms`, `s`) that its name states; None if it does not."""
-    found = re.search(r"[_\s\[(](ns|us|[µμ]s|ms|s)[\])]?$", name.strip("\ufeff\"' \t\r\n").lower())
-    return None if found is None else found.group(1).replace("µ", "u").replace("μ", "u")
+    found = _UNIT_AT_END.search(_spelled(name))
+    if found is None:
+        return None
+    word = found.group(1)
+    return next((unit for start, unit in _UNITS.items() if word.startswith(start)), word)
+
+
+def _spelled(name: str) -> str:
+    """A column's name in small letters, its words joined by underscores."""
+    plain = name.strip("\ufeff\"'#%/; \t\r\n").lower().replace("µ", "u").replace("μ", "u")
+    return re.sub(r"[\s_\-\[(/]+", "_", plain.rstrip("])"))

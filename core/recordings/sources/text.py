@@ -1,4 +1,4 @@
-"""Events as text: one event a line, separated by commas, semicolons, tabs or spaces.
+"""Events as text: one event a line, separated by commas, semicolons, bars, tabs or spaces.
 
 The first line may name the columns in any order (t, x, y, p and their usual spellings; t_us and t_s tell the unit).
 Without names the order is told from the values, and said. Lines that begin with # or % are skipped, but for the size of
@@ -7,7 +7,6 @@ the sensor and the names of the columns that they may state.
 
 from __future__ import annotations
 
-import codecs
 import itertools
 import re
 from collections.abc import Iterator
@@ -25,18 +24,14 @@ from core.recordings.sources.source import DecodeReport, EventSource, RawColumns
 from core.recordings.sources.table_columns import find_columns, unit_of_name
 from core.recordings.sources.values.stated_sizes import size_in_text, size_of
 from core.recordings.sources.values.table_order import guess_columns
+from core.text import encoding_of
 
 _LINES: Final = 100_000
 _SAMPLE_LINES: Final = 2_000
 
 
-_WORDS: Final = re.compile(
-    r"(?i)\b(true|on|positive|pos|false|off|negative|neg)\b|(?<=[\s,;])[+-](?=\s*(?:[,;]|$))", re.M
-)
-_ON: Final = ("true", "on", "positive", "pos", "+")
 _COMMA_IN_QUOTES: Final = re.compile(r"(?<=[\"'])(-?\d+),(\d+)(?=[\"'])")
 _BRACKETS: Final = str.maketrans("", "", "()[]{}\"'")
-_MARKS: Final = ((codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 _HEAD_BYTES: Final = 1 << 16
 
 
@@ -50,6 +45,8 @@ class _Layout:
     unit: str | None
     sensor: SensorSize | None
     decimal_comma: bool
+    words: int | None = None
+    """The column that holds words for the polarities, such as ON."""
     assumed: tuple[str, ...] = ()
     """What is said of columns without names."""
 
@@ -70,34 +67,37 @@ def open_text(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     ]  # fmt: skip
 
 
+def is_text_below_comments(path: Path) -> bool:
+    """Whether lines of text follow the lines that begin with #."""
+    with path.open("rb") as file:
+        rest = next((line for line in itertools.islice(file, _SAMPLE_LINES) if not line.startswith(b"#")), b"")
+    return len(rest) > 1 and all(32 <= byte < 127 or byte in b"\t\r\n" for byte in rest)
+
+
 def _open(path: Path) -> TextIO:
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
-    return path.open(encoding=_encoding(head), errors="replace")
-
-
-def _encoding(head: bytes) -> str:
-    """UTF-16 by its mark or by its zero bytes, UTF-8 where it can be that, else Latin-1."""
-    marked = next((name for mark, name in _MARKS if head.startswith(mark)), None)
-    if marked is not None:
-        return marked
-    if b"\x00" in head[:64]:
-        return "utf-16-le" if head[1:2] == b"\x00" else "utf-16-be"
-    try:
-        head[:-4].decode("utf-8")  # the last character may be cut
-    except UnicodeDecodeError as error:
-        return "utf-8-sig" if error.start >= len(head) - 8 and len(head) == _HEAD_BYTES else "latin-1"
-    return "utf-8-sig"
+    return path.open(encoding=encoding_of(head, whole=len(head) < _HEAD_BYTES), errors="replace")
 
 
 def _is_comment(line: str) -> bool:
     return not line.strip() or line.lstrip()[0] in "#%"
 
 
+def _is_remark(line: str) -> bool:
+    """Whether a line before the events is a remark in another dialect, and no names or numbers."""
+    words = line.strip()
+    if re.fullmatch(r"(?i)\"?sep=.?\"?", words):  # Excel's own
+        return True
+    return words.startswith(("//", ";", "!", "--")) and not _is_number(words.lstrip("/;!- ").split(",")[0])
+
+
 def _find_layout(path: Path) -> _Layout:
     with _open(path) as file:
         lines = list(itertools.islice(file, _SAMPLE_LINES))
     skip = next((i for i, line in enumerate(lines) if not _is_comment(line)), len(lines))
+    while skip < len(lines) and _is_remark(lines[skip]):
+        skip += 1
     if skip == len(lines):
         raise RecordingError("the text file holds no events", where=path)
     sensor = size_in_text(lines[:skip])
@@ -109,14 +109,16 @@ def _find_layout(path: Path) -> _Layout:
     layout = _Layout(separator, skip, {}, None, sensor, decimal_comma)
     names = [name.strip().strip("\"'") for name in first.strip().strip("()[]").split(separator)]
     got = repr(first.strip()[:60])
-    if any(_is_number(name) for name in _plain(first, layout).split(separator)):
+    fields = _plain(first, layout).split(separator)
+    if any(_is_number(field) for field in fields):
         while len(names) > 4 and not names[-1]:
             names.pop()  # a separator at the end of each line
+        layout = replace(layout, words=_place_of_words(fields[: len(names)]))
         commented = _commented_names(lines[:skip], len(names))
         if commented is not None:
             places = find_columns(commented, where=str(path))
             return replace(layout, places=places, unit=unit_of_name(commented[places["t"]]))
-        sample, _ = _parse(_cleaned(lines[skip:], layout), separator, len(names))
+        sample, _ = _parse(_cleaned(lines[skip:], layout, {}), separator, len(names))
         if len(names) != 4 or not len(sample):
             raise RecordingError("the text is not events", expected="four numbers a line", got=got, where=path)
         order = guess_columns(sample, where=str(path))
@@ -126,7 +128,35 @@ def _find_layout(path: Path) -> _Layout:
     except RecordingError as error:
         expected = "four numbers a line, or column names"
         raise RecordingError("the text is not events", expected=expected, got=got, where=path) from error
-    return _Layout(separator, skip + 1, places, unit_of_name(names[places["t"]]), sensor, decimal_comma)
+    second = _plain(lines[skip + 1], layout).rstrip("\r\n").split(separator) if skip + 1 < len(lines) else names
+    while len(second) > len(names) and not second[-1].strip():
+        second.pop()  # a separator at the end of each line
+    if len(second) > len(names):
+        raise RecordingError(
+            "the lines have more fields than the first line has names",
+            expected=f"{len(names)} fields: {', '.join(names)}",
+            got=repr(lines[skip + 1].strip()[:60]),
+            where=path,
+            remedy="name every column; numbers with decimal commas need another separator",
+        )
+    words = _place_of_words(second[: len(names)])
+    others = [name for place, name in enumerate(names) if place not in places.values() and not _is_index(name)]
+    return _Layout(
+        separator, skip + 1, places, unit_of_name(names[places["t"]]), sensor, decimal_comma,
+        words=words if words == places["p"] else None,
+        assumed=(f"{path.name}: the columns {', '.join(others)} are not read.",) if others else (),
+    )  # fmt: skip
+
+
+def _is_index(name: str) -> bool:
+    """Whether a column only counts the rows."""
+    return name.lower() in ("", "index", "idx", "id", "event_id", "#", "no", "n") or name.lower().startswith("unnamed")
+
+
+def _place_of_words(fields: list[str]) -> int | None:
+    """The one field that is no number."""
+    places = [place for place, field in enumerate(fields) if not _is_number(field)]
+    return places[0] if len(places) == 1 and fields[places[0]].strip() else None
 
 
 def _commented_names(lines: list[str], count: int) -> list[str] | None:
@@ -145,20 +175,30 @@ def _commented_names(lines: list[str], count: int) -> list[str] | None:
 
 def _separator(first: str, second: str) -> tuple[str | None, bool]:
     """What separates the columns, and whether numbers have a decimal comma."""
-    for mark in ";\t":
+    for mark in ";|":
         if mark in first:
             return mark, "," in second
+    if "\t" in first and len(first.split("\t")) >= min(4, len(first.split())):
+        return "\t", "," in second
     if "," in second and len(second.split(",")) < 4 <= len(second.split()):
         return None, True
     return ("," if "," in first else None), False
 
 
-def _cleaned(lines: list[str], layout: _Layout) -> list[str]:
-    """The lines with plain numbers: no quotes, decimal commas or words for the polarities."""
-    text = _plain("".join(lines), layout)
-    if _WORDS.search(text):
-        text = _WORDS.sub(lambda word: "1" if word.group().lower() in _ON else "0", text)
-    return text.splitlines(keepends=True)
+def _cleaned(lines: list[str], layout: _Layout, codes: dict[str, int]) -> list[str]:
+    """The lines with plain numbers: no quotes, no decimal commas, and for a word its number in `codes`, which grows."""
+    plain = _plain("".join(lines), layout).splitlines(keepends=True)
+    if layout.words is None:
+        return plain
+    return [_coded(line, layout.words, layout.separator, codes) for line in plain]
+
+
+def _coded(line: str, place: int, separator: str | None, codes: dict[str, int]) -> str:
+    fields = line.split(separator)
+    if _is_comment(line) or len(fields) <= place:
+        return line
+    fields[place] = str(codes.setdefault(fields[place].strip(), len(codes)))
+    return (separator or " ").join(fields) + ("\n" if place == len(fields) - 1 or separator is None else "")
 
 
 def _plain(text: str, layout: _Layout) -> str:
@@ -167,7 +207,7 @@ def _plain(text: str, layout: _Layout) -> str:
         text = _COMMA_IN_QUOTES.sub(r"\1.\2", text).translate(_BRACKETS)
     if layout.decimal_comma:
         text = text.replace(",", ".")
-    return text
+    return text.replace("\N{MINUS SIGN}", "-")
 
 
 def _decode(path: Path, layout: _Layout, report: DecodeReport) -> Iterator[RawColumns]:
@@ -175,11 +215,12 @@ def _decode(path: Path, layout: _Layout, report: DecodeReport) -> Iterator[RawCo
     width = max(4, max(layout.places.values()) + 1)
     number, read, rows, odd = layout.skip, 0, 0, 0
     first_odd = ""
+    codes: dict[str, int] = {}
     with _open(path) as file:
         for _ in range(layout.skip):
             read += len(file.readline())
         while lines := list(itertools.islice(file, _LINES)):
-            cleaned = _cleaned(lines, layout)
+            cleaned = _cleaned(lines, layout, codes)
             table, bad = _parse(cleaned, layout.separator, width)
             if _is_cut_short(lines[-1], table, layout.places):
                 table = table[:-1]
@@ -188,7 +229,8 @@ def _decode(path: Path, layout: _Layout, report: DecodeReport) -> Iterator[RawCo
             odd += len(bad)
             rows += len(table)
             if len(table):
-                yield RawColumns(*(table[:, layout.places[name]] for name in ("t", "x", "y", "p")))
+                t, x, y, p = (table[:, layout.places[name]] for name in ("t", "x", "y", "p"))
+                yield RawColumns(t, x, y, p if layout.words is None else np.array(list(codes))[p.astype(np.intp)])
             number += len(lines)
             read += sum(map(len, lines))
             report.share = min(1.0, read / size)
@@ -209,7 +251,7 @@ def _parse(lines: list[str], separator: str | None, width: int) -> tuple[NDArray
     """The numbers of the lines that are events, and which lines are none."""
     try:
         table = np.loadtxt(lines, np.float64, delimiter=separator, ndmin=2, comments=("#", "%"), usecols=range(width))
-        if bool((np.abs(table) < 2**63).all()):
+        if bool(np.isfinite(table).all()):
             return table, []
     except ValueError:
         pass
@@ -225,7 +267,7 @@ def _is_event(line: str, separator: str | None, width: int) -> bool:
     if _is_comment(line):
         return True
     fields = line.split(separator)
-    return len(fields) >= width and all(_is_number(field) and abs(float(field)) < 2**63 for field in fields[:width])
+    return len(fields) >= width and all(_is_number(field) for field in fields[:width])
 
 
 def _is_number(text: str) -> bool:

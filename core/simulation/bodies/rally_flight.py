@@ -11,10 +11,17 @@ from numpy.typing import NDArray
 from core.errors import ConfigError
 from core.physics.config import PhysicsConfig
 from core.physics.episode import Serves
-from core.simulation.bodies.strokes import PlayerStroke
-from core.simulation.flights.ball_path import ParabolicPath
-from core.simulation.flights.flight_series import FIRST_SERVE_S, PAUSE_S, FlightSeries, draw_serve_series
-from core.simulation.flights.serve import DRAWS_AT_MOST, LaunchConfig, serve_flight
+from core.simulation.bodies.actors import PlayerStroke
+from core.simulation.flights import (
+    DRAWS_AT_MOST,
+    FIRST_SERVE_S,
+    PAUSE_S,
+    FlightSeries,
+    LaunchConfig,
+    ParabolicPath,
+    draw_serve_series,
+    serve_flight,
+)
 from core.simulation.scenes.scene import SceneConfig
 from core.table import BALL_RADIUS_M, GRAVITY_MPS2
 

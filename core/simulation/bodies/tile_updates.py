@@ -19,10 +19,16 @@ from core.simulation.bodies.shading import (
     light_among,
     posed_parts,
 )
-from core.simulation.kernel_memory import prefetch
+from core.simulation.scenes.block_view import BALL, RACKET, SHADOW, boxes_meet, moving_at
 from core.simulation.scenes.shading import UNTOUCHED, pixel_seen
-from core.simulation.scenes.steps import BALL, RACKET, SHADOW, boxes_meet, moving_at
-from core.simulation.sensor.pixels import EVENTS_PER_PIXEL, follow_pixel, receptor_decay, rest_pixel, wake_pixel
+from core.simulation.sensor.pixels import (
+    EVENTS_PER_PIXEL,
+    follow_pixel,
+    prefetch,
+    receptor_decay,
+    rest_pixel,
+    wake_pixel,
+)
 from core.simulation.sensor.sensor import RECEPTOR, REFERENCE, TARGET, TIME_US
 
 TILE_PX = 8

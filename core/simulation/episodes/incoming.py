@@ -1,14 +1,18 @@
-"""What an opponent's ball does before the robot can hit it: which balls are to be played, and why others are not."""
+"""What an opponent's ball does before the robot can hit it: which balls are to be played, why others are not, and
+serves drawn from recorded balls.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from core.errors import ConfigError
 from core.jit import njit
 from core.physics import contact
 from core.physics.contact import next_contact
@@ -127,3 +131,34 @@ def _fly(
             if near:
                 bounces.t_s[i] = t
                 bounces.states[i] = s
+
+
+NEAR_MPS: Final = 0.25
+"""Balls whose speed differs by no more count as having the speed that is asked for."""
+
+
+class RecordedServes:
+    """The playable ones among recorded balls: they bounce on the robot's half and come to the hitting plane."""
+
+    def __init__(self, balls: Serves, config: TaskConfig) -> None:
+        """Keep what is playable in the physics of `config`.
+
+        Raises:
+            ConfigError: if nothing is.
+        """
+        playable = balls[fly_incoming(balls, config).incoming == Incoming.PLAYABLE]
+        if not len(playable):
+            raise ConfigError("none of the balls is playable", got=f"{len(balls)} ball states")
+        speeds_mps = np.linalg.norm(playable.vs_mps, axis=1)
+        order = np.argsort(speeds_mps, kind="stable")
+        self.balls = playable[order]
+        """Serves ordered by ascending speed."""
+        self._speeds_mps = speeds_mps[order]
+
+    def draw(self, speed_mps: float, rng: np.random.Generator) -> Serves:
+        """One of the balls with this speed at the recorded state, at random; the nearest one if there is none."""
+        first = int(np.searchsorted(self._speeds_mps, speed_mps - NEAR_MPS))
+        last = int(np.searchsorted(self._speeds_mps, speed_mps + NEAR_MPS, side="right"))
+        nearest = int(np.abs(self._speeds_mps - speed_mps).argmin())
+        which = int(rng.integers(first, last)) if first < last else nearest
+        return self.balls[which : which + 1]

@@ -8,18 +8,25 @@ impact, the impulse is given to MuJoCo's velocities, and the rest of the step go
 from __future__ import annotations
 
 import logging
+import math
+from typing import Any, Final
 
+import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.errors import ConfigError
 from core.physics import crossing
+from core.physics.config import PhysicsConfig
 from core.physics.crossing import find_crossings, piece_at
+from core.physics.episode import Case, Outcomes, Serves, Strokes
+from core.physics.flight import MAX_FLIGHT_S
 from core.physics.impact import strike, surfaces_from_config
 from core.physics.rotation import base_orientation, normals_from_orientations
 from core.physics.task import TaskConfig
+from core.simulation.episodes.ball_outcome import PASSAGES, RallyEvent, RallyEventKind, case_of, face_row, impact_kind
+from core.simulation.episodes.closed_form import fly_serves
 from core.simulation.episodes.episode_path import rebound_from_wall
-from core.simulation.episodes.mujoco_model import build_model, mj
 from core.simulation.episodes.racket import (
     RacketConfig,
     RacketState,
@@ -28,10 +35,72 @@ from core.simulation.episodes.racket import (
     move_racket,
     upright_racket,
 )
-from core.simulation.episodes.rally_events import PASSAGES, RallyEvent, RallyEventKind, face_row, impact_kind
-from core.table import BALL_RADIUS_M
+from core.table import (
+    BALL_MASS_KG,
+    BALL_RADIUS_M,
+    GRAVITY_MPS2,
+    NET_HEIGHT_M,
+    NET_OVERHANG_M,
+    TABLE_HEIGHT_M,
+    TABLE_LENGTH_M,
+    TABLE_WIDTH_M,
+)
 
 logger = logging.getLogger(__name__)
+
+
+mj: Final[Any] = mujoco
+"""The compiled module comes without type stubs: its names are untyped, here and in the files that step the model."""
+BALL_INERTIA_KGM2 = 2 / 3 * BALL_MASS_KG * BALL_RADIUS_M**2
+RACKET_MASS_KG = 50.0
+"""So heavy that the ball does not slow it: 5e-5 of the momentum."""
+_SPHERE_ADDED_MASS = 0.5
+"""Added mass as a share of the displaced air. MuJoCo's ellipsoid fluid model subtracts this much from the Magnus
+coefficient of a sphere."""
+
+
+def build_model(physics: PhysicsConfig, *, dt_s: float) -> Any:
+    """The compiled model: free bodies `ball` (qpos 0:7, qvel 0:6) and `racket` (qpos 7:14, qvel 6:12)."""
+    return mj.MjModel.from_xml_string(model_xml(physics, dt_s=dt_s))
+
+
+def model_xml(physics: PhysicsConfig, *, dt_s: float) -> str:
+    """The model's XML; the world frame is the table's (origin in the middle of the top)."""
+    half_l, half_w = TABLE_LENGTH_M / 2, TABLE_WIDTH_M / 2
+    top = 0.1  # half the thickness of the table's body
+    post_y = half_w + NET_OVERHANG_M
+    air = physics.air
+    density = air.density_kg_per_m3 if physics.has_air else 0.0
+    drag = air.drag_coefficient / 2  # MuJoCo's drag is C rho A v^2, without the usual half
+    magnus = air.magnus_coefficient + _SPHERE_ADDED_MASS
+    inertia = " ".join([str(BALL_INERTIA_KGM2)] * 3)
+    deep = physics.racket_thickness_m / 2
+    return f"""
+<mujoco model="table tennis">
+  <option timestep="{dt_s}" gravity="0 0 {-GRAVITY_MPS2}" density="{density}" viscosity="0" integrator="RK4"/>
+  <default><geom contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <geom name="floor" type="plane" pos="0 0 {-TABLE_HEIGHT_M}" size="6 4 0.1" rgba="0.2 0.2 0.22 1"/>
+    <geom name="table" type="box" pos="0 0 {-top}" size="{half_l} {half_w} {top}" rgba="0.1 0.3 0.6 1"/>
+    <geom name="net" type="box" pos="0 0 {NET_HEIGHT_M / 2}" size="0.002 {post_y} {NET_HEIGHT_M / 2}" rgba="1 1 1 0.5"/>
+    <geom name="post_left" type="cylinder" pos="0 {post_y} {NET_HEIGHT_M / 2}" size="0.01 {NET_HEIGHT_M / 2}"/>
+    <geom name="post_right" type="cylinder" pos="0 {-post_y} {NET_HEIGHT_M / 2}" size="0.01 {NET_HEIGHT_M / 2}"/>
+    <body name="ball" pos="0 0 1">
+      <freejoint/>
+      <inertial pos="0 0 0" mass="{BALL_MASS_KG}" diaginertia="{inertia}"/>
+      <geom name="ball" type="sphere" size="{BALL_RADIUS_M}" rgba="1 0.6 0.1 1" fluidshape="ellipsoid"
+            fluidcoef="{drag} {drag} 0 0 {magnus}"/>
+    </body>
+    <body name="racket" pos="-1.6 0 0.25" gravcomp="1">
+      <freejoint/>
+      <inertial pos="0 0 0" mass="{RACKET_MASS_KG}" diaginertia="50 50 50"/>
+      <geom name="racket" type="cylinder" pos="{-deep} 0 0" zaxis="1 0 0" size="{physics.racket_radius_m} {deep}"
+            rgba="0.8 0.1 0.1 1" fluidshape="ellipsoid" fluidcoef="0 0 0 0 0"/>
+    </body>
+  </worldbody>
+</mujoco>"""
+
+
 Array = NDArray[np.float64]
 
 MAX_IMPACTS_PER_STEP = 50
@@ -251,3 +320,71 @@ class MujocoRally:
         self.data.qpos[10:14] = state.q_wxyz
         self.data.qvel[6:9] = state.v_mps
         self.data.qvel[9:12] = 0
+
+
+def simulate_episodes_mujoco(serves: Serves, strokes: Strokes, config: TaskConfig, *, dt_s: float = 0.01) -> Outcomes:
+    """What `simulate_episodes` gives, stepped in MuJoCo with event-driven impacts.
+
+    The racket coasts with the stroke's velocity, without limits. After the stroke the ball flies on through table and
+    net, so that landing and height at the net are read off the same flight.
+    """
+    aim_p, aim_t = strokes.aim_ps_m, strokes.aim_t_s
+    if aim_p is None or aim_t is None:
+        arrivals = fly_serves(serves, config)
+        aim_p, aim_t = arrivals.states[:, :3], arrivals.t_s
+    normals = normals_from_orientations(strokes.qs_wxyz)
+    n = len(serves)
+    outcomes = Outcomes(
+        np.full(n, Case.MISSED, np.int8),
+        *(np.full(shape, np.nan) for shape in (n, (n, 9), n, (n, 9), n, n, (n, 9))),
+    )
+    rally = MujocoRally(config, dt_s=dt_s, ghost_after_hit=True)
+    for i in range(n):
+        if math.isnan(aim_t[i]):
+            continue
+        face = aim_p[i] - BALL_RADIUS_M * normals[i] - strokes.vs_mps[i] * aim_t[i]
+        racket = RacketState(face, strokes.vs_mps[i], strokes.qs_wxyz[i], np.zeros(3))
+        _play(rally, racket, i, serves, outcomes)
+    return outcomes
+
+
+def _play(rally: MujocoRally, racket: RacketState, i: int, serves: Serves, outcomes: Outcomes) -> None:
+    rally.reset()
+    rally.coast_racket(racket)
+    rally.serve(serves.ps_m[i], serves.vs_mps[i], serves.spins_radps[i])
+    hit: RallyEvent | None = None
+    flight: list[RallyEvent] = []
+    while rally.playing and rally.time_s < 2 * MAX_FLIGHT_S:
+        for event in rally.step():
+            if event.kind == "hit" and hit is None:
+                hit = event
+            elif hit is not None:
+                flight.append(event)
+        if hit is not None and _is_over(flight, hit, rally.time_s):
+            break
+        if hit is None and rally.ball[2] < -0.5:
+            break
+    if hit is not None:
+        _record(i, hit, flight, outcomes)
+
+
+def _is_over(flight: list[RallyEvent], hit: RallyEvent, now_s: float) -> bool:
+    """Whether everything that an outcome needs has happened."""
+    kinds = {event.kind for event in flight}
+    crossed_net = "net_plane" in kinds or hit.state[3] <= 0 or now_s > hit.t_s + MAX_FLIGHT_S
+    return "floor" in kinds and crossed_net
+
+
+def _record(i: int, hit: RallyEvent, flight: list[RallyEvent], outcomes: Outcomes) -> None:
+    outcomes.hit_t_s[i] = hit.t_s
+    outcomes.hit_states[i] = hit.state
+    first = next(event for event in flight if event.kind in ("bounce", "net", "end", "floor"))
+    outcomes.case[i] = Case.OUT if first.kind == "floor" else case_of(first)
+    outcomes.contact_t_s[i] = first.t_s
+    outcomes.contact_states[i] = first.touched
+    landing = next((e for kind in ("down", "top") for e in flight if e.kind == kind), hit)
+    outcomes.landing_t_s[i] = landing.t_s
+    outcomes.landing_states[i] = landing.state
+    at_net = next((event for event in flight if event.kind == "net_plane"), None)
+    if at_net is not None and hit.state[3] > 0:
+        outcomes.net_z_m[i] = at_net.state[2]

@@ -16,7 +16,7 @@ import numpy as np
 
 from core.jit import njit
 from core.simulation.scenes.background import DEPTH_M, LIGHT, LOG_LIGHT, NET_COVER, NET_LIGHT, RAY_X, RAY_Y
-from core.simulation.scenes.racket_shape import racket_gap
+from core.simulation.scenes.racket_view import racket_gap
 from core.simulation.scenes.scene import LIGHT_SIZE
 from core.table import BALL_RADIUS_M
 

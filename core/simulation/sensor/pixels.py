@@ -12,13 +12,15 @@ counts references to every array of a tuple at every call, which cost more than 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from core.jit import njit
-from core.simulation.kernel_memory import prefetch, uncounted
 from core.simulation.sensor.sensor import (
     OFF_THRESHOLD,
     ON_THRESHOLD,
@@ -28,6 +30,47 @@ from core.simulation.sensor.sensor import (
     TARGET,
     TIME_US,
 )
+
+
+def _uncounted(typingctx: Any, value: Any) -> Any:
+    """The array or tuple without reference counting, for use inside the kernel that got it as an argument."""
+
+    def without_owner(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+        if isinstance(kind, types.Array):
+            array = context.make_array(kind)(context, builder, value=value)
+            for name in ("meminfo", "parent"):
+                setattr(array, name, cgutils.get_null_value(getattr(array, name).type))
+            return array._getvalue()
+        if isinstance(kind, types.BaseTuple):
+            for index, each in enumerate(cast("Any", kind)):
+                part = builder.extract_value(value, index)
+                value = builder.insert_value(value, without_owner(context, builder, each, part), index)
+        return value
+
+    return value(value), lambda context, builder, signature, args: without_owner(context, builder, value, args[0])
+
+
+def _prefetch(typingctx: Any, array: Any, index: Any) -> Any:
+    """Ask for the memory at a place of the first axis of an array; harmless for places that it does not have."""
+
+    def ask(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        data = context.make_array(array)(context, builder, value=args[0])
+        each = cgutils.unpack_tuple(builder, data.strides, array.ndim)[0]
+        place = context.cast(builder, args[1], index, types.intp)
+        byte, flag = cgutils.voidptr_t, cgutils.int32_t
+        ir = cgutils.ir  # pyright: ignore[reportPrivateImportUsage] - llvmlite's, which is numba's own affair
+        address = builder.gep(builder.bitcast(data.data, byte), [builder.mul(place, each)])
+        kind = ir.FunctionType(ir.VoidType(), [byte, flag, flag, flag])
+        called = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+        builder.call(called, [address, flag(1), flag(3), flag(1)])  # to be written, kept in all caches, data
+        return context.get_dummy_value()
+
+    return types.void(array, index), ask
+
+
+uncounted: Any = intrinsic(_uncounted)
+prefetch: Any = intrinsic(_prefetch)
+
 
 EVENT_TIME_US, EVENT_PIXEL, EVENT_ON = range(3)
 SETTLED = 1e-6

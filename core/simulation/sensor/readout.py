@@ -1,18 +1,166 @@
-"""The sensor's readout: one queue for all pixels, which delays a burst and, past a limit, drops what is too late.
+"""What the sensor adds and delays: noise events that no light caused, and the readout's one queue for all pixels.
 
-A readout passes on so many events per microsecond. Events that come faster wait in line and carry the time at which
-they were read, as real sensors stamp them; one that would wait longer than the limit is lost, and counted.
+Background noise and hot pixels are Poisson processes of the whole sensor. The readout passes on so many events per
+microsecond. Events that come faster wait in line and carry the time at which they were read, as real sensors stamp
+them; one that would wait longer than the limit is lost, and counted.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from core.events import SensorSize
 from core.jit import njit
-from core.simulation.sensor.noise import MergedEvents
+from core.simulation.sensor.pixels import AHEAD, EVENT_ON, EVENT_PIXEL, EVENT_TIME_US, EventBuffer, prefetch, uncounted
 from core.simulation.sensor.sensor import SensorConfig
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HotPixels:
+    """Pixels that fire on their own, fixed for the life of a sensor."""
+
+    pixels: NDArray[np.int64]
+    rates_hz: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MergedEvents:
+    """The columns of an `Events` value."""
+
+    t_us: NDArray[np.int64]
+    x_px: NDArray[np.uint16]
+    y_px: NDArray[np.uint16]
+    on: NDArray[np.bool_]
+
+
+def draw_hot_pixels(sensor: SensorSize, config: SensorConfig, rng: np.random.Generator) -> HotPixels:
+    """Which pixels are hot, and how hot."""
+    count = sensor.width_px * sensor.height_px
+    hot = min(count, int(rng.poisson(config.hot_pixels_per_million * 1e-6 * count)))
+    pixels = np.sort(rng.choice(count, hot, replace=False)).astype(np.int64)
+    return HotPixels(pixels, config.hot_pixel_hz * np.exp(rng.standard_normal(hot)))
+
+
+class NoiseModel(NamedTuple):
+    """Background and hot pixels of a sensor as one Poisson process, which is drawn as such."""
+
+    background_hz: float
+    """Background event rate of all pixels together, Hz."""
+    background_on: float
+    """Share of ON events in the background."""
+    hot: NDArray[np.int64]
+    hot_hz: NDArray[np.float64]
+    """Running sum of the rates of the hot pixels."""
+    total_hz: float
+
+
+def noise_model(sensor: SensorSize, config: SensorConfig, hot: HotPixels) -> NoiseModel:
+    """The noise of a sensor. Leakage makes ON events only, shot noise both."""
+    on_share = config.leak_share + 0.5 * (1.0 - config.leak_share)
+    background_hz = float(config.noise_hz) * sensor.width_px * sensor.height_px
+    hot_hz = np.cumsum(hot.rates_hz)
+    return NoiseModel(
+        background_hz, on_share, hot.pixels, hot_hz, background_hz + (float(hot_hz[-1]) if len(hot_hz) else 0.0)
+    )
+
+
+def merge_noise(
+    signal: EventBuffer,
+    last_event_us: NDArray[np.int64],
+    law: NoiseModel,
+    start_us: int,
+    end_us: int,
+    refractory_us: int,
+    width: int,
+    rng: np.random.Generator,
+) -> MergedEvents:
+    """The signal and freshly drawn noise of [start, end) in order of time, in whole microseconds.
+
+    Events of a pixel that is still refractory are left out. Of equal times signal comes before noise, and what was
+    found first before the rest.
+
+    `last_event_us` is that of `PixelState` and is brought up to date. Signal events keep clear of each
+    other already; here noise is kept clear of signal and the other way round.
+    """
+    rows = signal.rows[: signal.filled[0]]
+    t, x, y, on = _merge(rows, last_event_us, law, start_us, end_us, refractory_us, width, rng)
+    return MergedEvents(t, x, y, on)
+
+
+@njit
+def _merge(rows, last_event_us, law, start_us, end_us, refractory_us, width, rng):
+    rows, last_event_us, law = uncounted(rows), uncounted(last_event_us), uncounted(law)
+    times, order = _in_order(rows, start_us, end_us)
+    filled = len(rows)
+    noise_us = _noise_times(law, start_us, end_us, rng)
+    room = filled + len(noise_us)
+    t, x, y = np.empty(room, np.int64), np.empty(room, np.uint16), np.empty(room, np.uint16)
+    on = np.empty(room, np.bool_)
+    i = j = kept = 0
+    while i < filled or j < len(noise_us):
+        if j >= len(noise_us) or (i < filled and times[order[i]] <= noise_us[j]):
+            found = order[i]
+            prefetch(last_event_us, np.uint32(rows[order[min(i + AHEAD, filled - 1)], EVENT_PIXEL]))
+            now_us, pixel, rose = times[found], np.uint32(rows[found, EVENT_PIXEL]), rows[found, EVENT_ON] > 0.0
+            i += 1
+        else:
+            pixel, rose = _noisy_pixel(law, len(last_event_us), rng)
+            now_us = noise_us[j]
+            j += 1
+        if now_us - last_event_us[pixel] < refractory_us:
+            continue
+        last_event_us[pixel] = now_us
+        row = pixel // np.uint32(width)
+        t[kept], x[kept], y[kept], on[kept] = now_us, pixel - row * np.uint32(width), row, rose
+        kept += 1
+    return t[:kept], x[:kept], y[:kept], on[:kept]
+
+
+@njit
+def _in_order(rows, start_us, end_us):
+    """(whole microseconds of the events, their places in order of time), by counting those of each microsecond."""
+    filled = len(rows)
+    times, order = np.empty(filled, np.int64), np.empty(filled, np.int64)
+    place = np.zeros(end_us - start_us + 1, np.int64)
+    for index in range(filled):
+        times[index] = min(max(np.int64(math.floor(rows[index, EVENT_TIME_US])), start_us), end_us - 1)
+        place[times[index] - start_us + 1] += 1
+    for micro in range(1, len(place)):
+        place[micro] += place[micro - 1]
+    for index in range(filled):
+        order[place[times[index] - start_us]] = index
+        place[times[index] - start_us] += 1
+    return times, order
+
+
+@njit
+def _noise_times(law, start_us, end_us, rng):
+    """Ascending times, without sorting: spacings of a Poisson process."""
+    count = rng.poisson(law.total_hz * (end_us - start_us) * 1e-6)
+    times = np.empty(count, np.int64)
+    arrivals, arrived = np.empty(count), 0.0
+    for index in range(count):
+        arrived += rng.standard_exponential()
+        arrivals[index] = arrived
+    scale = (end_us - start_us) / (arrived + rng.standard_exponential())
+    for index in range(count):
+        times[index] = min(start_us + np.int64(arrivals[index] * scale), end_us - 1)
+    return times
+
+
+@njit
+def _noisy_pixel(law, count, rng):
+    """(pixel, whether it is an ON event) of a noise event."""
+    drawn_hz, rose = rng.random() * law.total_hz, rng.random()
+    if drawn_hz < law.background_hz:
+        return np.uint32(min(drawn_hz / law.background_hz * count, count - 1.0)), rose < law.background_on
+    which = min(np.searchsorted(law.hot_hz, drawn_hz - law.background_hz, side="right"), len(law.hot) - 1)
+    return np.uint32(law.hot[which]), rose < 0.5
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ One file, {"camera": NAME, "labels": [{"t_us", "state", "x_px", "y_px", "r_px"},
 import json
 from pathlib import Path
 
-from core.text.json_text import parse_json
+from core.text import parse_json
 from labels.formats import ExportOptions, ImportContext, Imported, LabelSet, register_label_format
 from labels.formats.exchange import Collector, Exported, count_losses, files_at, finite, read_text, write_text
 from labels.model import LabelState

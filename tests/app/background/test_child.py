@@ -19,7 +19,7 @@ def test_a_child_that_is_stopped_leaves_nothing_open() -> None:
     ended = threading.Event()
     child = ChildProcess("json.tool", on_end=ended.set)  # which waits for its input
     child.stop()
-    assert ended.wait(10) and child.wait() != 0
+    assert ended.wait(300) and child.wait() != 0
     del child
     gc.collect()
 

@@ -3,7 +3,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from app.background.worker import LatestWins
+from app.background.jobs import LatestWins
 
 
 @pytest.fixture
@@ -18,7 +18,7 @@ def test_requests_that_wait_give_way_to_the_newest(pool) -> None:
 
     def compute(number: int) -> int:
         started.set()
-        assert gate.wait(5)
+        assert gate.wait(300)
         return number * 10
 
     def done(request: int, answer: int) -> None:
@@ -28,11 +28,11 @@ def test_requests_that_wait_give_way_to_the_newest(pool) -> None:
 
     worker = LatestWins(pool, compute, done, lambda error: None)
     worker.submit(1)
-    assert started.wait(5)
+    assert started.wait(300)
     for number in (2, 3, 4, 5):
         worker.submit(number)
     gate.set()
-    assert finished.wait(5)
+    assert finished.wait(300)
     assert answers == [10, 50]
 
 
@@ -47,9 +47,9 @@ def test_a_failure_is_reported_and_the_next_request_runs(pool) -> None:
         pool, compute, lambda request, answer: finished.set(), lambda error: (errors.append(error), failed.set())
     )
     worker.submit(0)
-    assert failed.wait(5)
+    assert failed.wait(300)
     worker.submit(2)
-    assert finished.wait(5)
+    assert finished.wait(300)
     assert isinstance(errors[0], ZeroDivisionError) and len(errors) == 1
 
 
@@ -59,12 +59,12 @@ def test_nothing_is_delivered_after_close(pool) -> None:
 
     def compute(number: int) -> int:
         started.set()
-        assert gate.wait(5)
+        assert gate.wait(300)
         return number
 
     worker = LatestWins(pool, compute, lambda request, answer: answers.append(answer), lambda error: None)
     worker.submit(1)
-    assert started.wait(5)
+    assert started.wait(300)
     worker.submit(2)
     worker.close()
     gate.set()

@@ -84,6 +84,14 @@ def chromium() -> Iterator[Browser]:
         browser.close()
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _windows_are_closed(chromium: Browser) -> Iterator[None]:
+    """No file leaves a window open: it would be drawn, at half a processor, until the last test of all."""
+    yield
+    for context in chromium.contexts:
+        context.close()
+
+
 class Window:
     """One browser window, with the session that the app keeps for it."""
 
@@ -291,7 +299,7 @@ def other_window(chromium: Browser, lab: App) -> Iterator[Window]:
     page.close()
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def open_window(chromium: Browser) -> Callable:
     """Opens a browser window on any app, closed at the end of its `with`."""
 

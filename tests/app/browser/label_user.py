@@ -20,7 +20,7 @@ from app.modes.label.label_picture import HEIGHT_PX
 from app.modes.label.labelling import DEFAULT_STEP_US
 from app.modes.label.pictures import GAP_PX
 from app.views.image_view import framing, free_share
-from benchmarks.app.measuring_browser import BROWSER_FLAGS, WINDOW, find_chromium
+from benchmarks.app.bare_browser import BROWSER_FLAGS, WINDOW, find_chromium
 from core.cameras import stereo_preset
 from core.recordings import PixelTruth, open_recording
 from core.simulation import LaunchConfig, SensorConfig, StereoConfig, simulate_recording
@@ -143,7 +143,7 @@ class _User:
 
     def _forget_server(self) -> None:
         assert self._server is not None and self._server.stdout is not None
-        self._server.wait(timeout=30)
+        self._server.wait(timeout=300)
         self._server.stdout.close()
         self._server = None
 

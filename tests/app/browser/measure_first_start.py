@@ -67,7 +67,7 @@ def measure(home: Path, arguments: argparse.Namespace, number: int) -> None:
         print("".join(f"    {line}\n" for line in log.read_text().splitlines() if ": done after" in line), end="")
     finally:
         os.killpg(started.pid, signal.SIGINT)
-        started.wait(60)
+        started.wait(300)
         shutil.copy(log, Path(tempfile.gettempdir()) / f"first-start-{number + 1}.log")
 
 

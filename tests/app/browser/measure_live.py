@@ -18,8 +18,7 @@ from playwright.sync_api import sync_playwright
 
 from app.server import App
 from app.shared.library import Library
-from app.shared.live_rally import LIVE, join_simulation
-from app.shared.simulation_process import SimulationProcess
+from app.shared.live_rally import LIVE, SimulationProcess, join_simulation
 from app.shared.workspace import Workspace
 
 

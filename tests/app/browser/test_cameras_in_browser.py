@@ -8,12 +8,12 @@ from app.server import App
 from app.shared.library import Library
 from app.shared.live_rally import LIVE, LiveRally
 from app.shared.workspace import Workspace
-from core.devices.bias_file import read_biases
+from core.devices.models import read_biases
 from core.devices.neuromorphic import open_camera
-from core.devices.replayed_hardware import Replayed, ReplayedLibrary
 from core.events import Events
 from core.live.camera_source import CameraSource
 from core.recordings import open_recording
+from tests.core.devices.replayed_hardware import Replayed, ReplayedLibrary
 
 ROUND_US = 600_000
 

@@ -65,7 +65,7 @@ class Started:
 
     def end(self) -> None:
         self.process.send_signal(signal.SIGTERM)
-        assert self.process.wait(30) == 0, self.said
+        assert self.process.wait(300) == 0, self.said
 
 
 @pytest.fixture(scope="module")

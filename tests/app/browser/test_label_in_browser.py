@@ -3,17 +3,20 @@
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import fields
 
 import pytest
 
+from app.modes.label.labelling import LabelView
 from app.modes.label.plan import plan_at
 from app.pictures.palette import PaletteIndex, palette
-from app.state.commands import Seek
+from app.state.commands import Seek, SetRendering
 from app.views.image_view import FOV_RAD, UNIT
 from labels.conflicts import how_settled
 from labels.model import LabelState, PositionSource
 from labels.store import LabelStore, Layer
+from tests.app.browser.conftest import Window, wait_for
 
 pytestmark = pytest.mark.browser
 BALL_US = 300_000
@@ -68,7 +71,7 @@ class Labelling:
             seen.set()
 
         self.window.session.later(compare)
-        assert seen.wait(30)
+        assert seen.wait(300)
         return answers[0] and not mode._pictures.busy
 
     def screen(self, x_px: float, y_px: float) -> tuple[float, float]:
@@ -152,19 +155,45 @@ class Labelling:
         return self.work.here.labels.get(t_us)
 
 
+@pytest.fixture(scope="module")
+def first_labelling(open_window, lab) -> Iterator[Labelling]:
+    """One window for all: opening it takes longer than most of what is tried in it."""
+    with open_window(lab) as window:
+        yield begin(window, "first")
+
+
 @pytest.fixture
-def labelling(window, wait_for, request):
-    return begin(window, wait_for, request)
+def labelling(first_labelling, request) -> Labelling:
+    """The one window in Label, as it opens, at the ball and in a layer of the test's own."""
+    found = first_labelling
+    if found.window.state.mode != "Label":
+        found.window.press("Label")
+        wait_for(lambda: found.mode._pictures.shown is not None, "the first picture")
+    view = LabelView(camera="left", annotator=found.work.view.annotator)
+    changes = {field.name: getattr(view, field.name) for field in fields(view)}
+    found.window.session.later(lambda: found.mode._do(lambda editor: editor.change_view(changes)))
+    found.window.session.send(SetRendering("polarity"))
+    name = name_of(request)
+    found.window.session.later(lambda: found.mode._use_name(name))
+    wait_for(lambda: found.work.view.annotator == name and "left" in found.work.saved, "the layer")
+    found.window.seek(BALL_US)
+    found.window.page.mouse.click(*found.on_sheet(1200, -10))  # keys do nothing while a field has the cursor
+    found.settle(BALL_US)
+    return found
 
 
-def begin(window, wait_for, request, suffix: str = "") -> Labelling:
-    """Label mode at the ball, in a layer of the test's own."""
+def name_of(request: pytest.FixtureRequest) -> str:
+    """An annotator for each test, so that each has a layer of its own."""
+    return request.node.name[5:30].strip("_")
+
+
+def begin(window: Window, name: str) -> Labelling:
+    """Label mode at the ball, in a layer of the annotator's own."""
     window.seek(BALL_US)
     window.press("Label")
     found = Labelling(window, wait_for)
     wait_for(lambda: found.mode._pictures.shown is not None, "the first picture")
     found.page.wait_for_timeout(600)  # the sheet has another shape: the camera is moved
-    name = request.node.name[5:30].strip("_") + suffix  # a layer of its own for each test
     window.fill(window.field("Annotator"), "")  # it may be the name already: that of the last annotator is offered
     window.fill(window.field("Annotator"), name)
     wait_for(
@@ -251,7 +280,7 @@ def test_clicks_land_where_they_are_aimed_at_every_zoom(labelling) -> None:
 
 @pytest.mark.parametrize("dense_window", [1.25, 2], indirect=True)
 def test_clicks_land_where_they_are_aimed_on_dense_screens(dense_window, wait_for, request) -> None:
-    begin(dense_window, wait_for, request).check_clicks(zooms="69")
+    begin(dense_window, name_of(request)).check_clicks(zooms="69")
 
 
 def test_proposals_are_accepted_by_key_and_by_segment(labelling, wait_for) -> None:
@@ -315,13 +344,14 @@ def test_tune_scores_a_config_against_the_labels(labelling, wait_for) -> None:
 
 def test_a_click_where_no_circle_fits_asks_and_stores_nothing_until_a_radius_is_given(labelling, wait_for) -> None:
     x, y = 40.0, 24.0  # nothing happens there
+    saved_at = labelling.mode._editor.writer.saved_at
     labelling.page.mouse.click(*labelling.screen(x, y), delay=60)
     wait_for(lambda: labelling.work.asking, "the question")
     labelling.settle()
     labelling.window.screenshot("label-click-without-a-circle")
     asked = labelling.page.get_by_text("no circle fits here: drag to set the radius, or press X for absent")
     wait_for(lambda: asked.count() == 2, "it in the panel, and where the eyes are: in the line under the picture")
-    assert not labelling.work.here.labels and labelling.mode._editor.writer.saved_at is None
+    assert not labelling.work.here.labels and labelling.mode._editor.writer.saved_at == saved_at
     labelling.drag(labelling.screen(x, y), labelling.screen(x + 12.0, y))
     wait_for(lambda: labelling.label(BALL_US), "the drag to arrive")
     assert abs(labelling.label(BALL_US).r_px - 12.0) < 2 / labelling.zoom and labelling.work.asking is None
@@ -393,7 +423,7 @@ def test_the_first_label_of_a_browser_asks_who_labels(window, wait_for, workspac
 def test_two_browsers_of_one_annotator_see_each_other_within_a_second_and_undo_only_their_own(
     labelling, other_window, wait_for, request
 ) -> None:
-    other = begin(other_window, wait_for, request)
+    other = begin(other_window, name_of(request))
     seen_after_s = []
 
     def wait_for_both(one: Labelling, two: Labelling, there: Callable[[Labelling], object], what: str) -> None:
@@ -424,7 +454,7 @@ def test_two_browsers_of_one_annotator_see_each_other_within_a_second_and_undo_o
 def test_two_who_disagree_are_shown_side_by_side_and_keys_settle_it(
     labelling, other_window, wait_for, request, workspace, count_like
 ) -> None:
-    other = begin(other_window, wait_for, request, "-b")
+    other = begin(other_window, name_of(request) + "-b")
     mode, times = labelling.mode, (BALL_US, BALL_US + 2_000, BALL_US + 4_000)
     x, y = (float(v[0]) for v in labelling.truth(BALL_US))
     for one, off_px in ((labelling, 0.0), (other, 5.0)):

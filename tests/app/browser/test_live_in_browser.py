@@ -9,13 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.client_session.frame_throttle import FEW_EVERY_S
 from app.client_session.opening_moment import SLOW, SLOWEST, OpeningMoment
+from app.client_session.session_page import FEW_EVERY_S
 from app.client_session.tour import TOUR
 from app.server import App
 from app.shared.library import Library
-from app.shared.live_rally import LIVE, LiveRally, join_simulation
-from app.shared.simulation_process import SimulationProcess
+from app.shared.live_rally import LIVE, LiveRally, SimulationProcess, join_simulation
 from app.shared.workspace import Workspace
 from app.state.client_state import ClientState
 from app.state.commands import SetMethod

@@ -39,7 +39,7 @@ def address(plugins: Path, serve_recording: Path, tmp_path: Path) -> Iterator[st
         yield found.group()
     finally:
         server.send_signal(signal.SIGINT)
-        server.wait(60)
+        server.wait(300)
     assert "Traceback" not in log.read_text(), log.read_text()
 
 
@@ -77,7 +77,7 @@ def test_a_detector_is_chosen_its_slider_moves_and_the_picture_follows(page, sav
         return count_like(save_screenshot(page, name)[0:495, 0:870], YELLOW, 25)
 
     def wait_for(name: str, there) -> int:
-        deadline = time.monotonic() + 150
+        deadline = time.monotonic() + 300
         while not there(count := yellow(name)):
             assert time.monotonic() < deadline, f"{count} yellow pixels; see {name}.png"
             page.wait_for_timeout(300)

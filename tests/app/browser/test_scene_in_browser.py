@@ -78,6 +78,7 @@ def is_like(image: np.ndarray, rgb: tuple[int, int, int], tolerance: int = 14) -
 
 def the_ball_is_the_brightest_thing_just_where_it_is(space, size, wait_for) -> None:
     space.page.set_viewport_size({"width": size[0], "height": size[1]})
+    wait_for(lambda: canvas_of(space)[2] >= 0.45 * size[0], "the middle to be no slit: the panels make room")
     space.wait_until_camera_stands()
     _, _, width, height = canvas_of(space)
     assert width >= 0.45 * size[0], "the middle is no slit"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.client_session.tour.steps import PICTURE, TOURS
+from app.client_session.tour import PICTURE, TOURS
 from app.state.client_state import MODES
 from app.state.commands import SetMode
 

@@ -8,7 +8,7 @@ import pytest
 
 from app.modes.train import run_panel
 from app.modes.train.mode import TrainMode
-from app.scene.landing import CASE_RGB
+from app.scene.prediction import CASE_RGB
 from app.server import App
 from app.shared.trainer import RunState, Trainer
 from core.physics.episode import Case

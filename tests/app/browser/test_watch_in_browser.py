@@ -3,6 +3,7 @@
 import pytest
 
 from app.state.client_state import ClientState
+from app.state.commands import SetPlaybackSpeed
 
 pytestmark = pytest.mark.browser
 YELLOW, ORANGE, BLUE = (255, 225, 60), (255, 150, 50), (80, 150, 255)
@@ -23,6 +24,8 @@ def it_opens_on_both_cameras_and_finds_the_ball_in_them(window, count_like) -> N
 
 
 def the_space_bar_plays_and_pauses(window, wait_for) -> None:
+    window.session.send(SetPlaybackSpeed(0.01))  # so that it does not come to the end meanwhile
+    wait_for(lambda: window.state.playhead.speed == 0.01, "the speed")
     window.key(" ")
     wait_for(lambda: window.state.playhead.playing, "play")
     first = window.session.sheet

@@ -5,7 +5,7 @@ import pytest
 
 from app.cli import bench, main
 from app.cli.backend_arguments import BackendArguments
-from benchmarks.partial_rows import report_rows_to
+from benchmarks.machine import report_rows_to
 
 
 def arguments(*, json: bool) -> bench.BenchArguments:
@@ -43,6 +43,11 @@ def test_without_a_checkout_it_says_where_the_benches_are(monkeypatch, capsys, t
     assert main(["bench", "prediction"]) == 2
     error = capsys.readouterr().err
     assert "not installed with the package" in error and "clone the repository" in error and error.count("\n") == 1
+
+
+def test_every_bench_has_a_module_in_the_checkout() -> None:
+    for name in [*bench.BENCHES.values(), *bench.OWN_RECORDINGS.values()]:
+        assert bench.CHECKOUT.joinpath("benchmarks", *name.split(".")).with_suffix(".py").is_file(), name
 
 
 def test_an_unknown_bench_is_refused_in_one_line(capsys) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.cli import main
-from benchmarks.calibration.swept_ball import BallSwing, click_corners, seen_by
+from benchmarks.calibration.bench_rig import BallSwing, click_corners, seen_by
 from core.cameras import load_calibration, save_calibration, stereo_preset
 from core.simulation import LaunchConfig, StereoConfig, simulate_recording
 

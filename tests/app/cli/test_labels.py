@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from app.cli.main import main
-from benchmarks.labels.clips import MIDDLE_US, SENSOR, draw_clip
+from benchmarks.labels.assistance import MIDDLE_US, SENSOR, draw_clip
 from core.events import Events
 from core.recordings import RecordingWriter, open_recording
 from labels.conflicts import settlement
 from labels.model import Label, LabelState, PositionSource, Provenance
-from labels.store import LabelStore, find_layers
+from labels.store import LabelStore, Layer, find_layers
 from labels.store_contents import read_store
 
 UUID = "11111111-2222-4333-8444-555555555555"
@@ -264,7 +264,7 @@ def test_stores_are_merged_and_conflicts_are_listed(
     assert code == 2 and err.count("\n") == 1
 
 
-def test_a_conflict_that_was_settled_is_merged_and_left_out_of_the_agreement(
+def test_a_conflict_that_was_settled_is_merged_and_compared_as_it_was_before(
     capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path
 ) -> None:
     mine, out = data / "labels" / UUID, tmp_path / "c.sqlite"
@@ -284,6 +284,24 @@ def test_a_conflict_that_was_settled_is_merged_and_left_out_of_the_agreement(
     assert MIDDLE_US in layers["bea"] and MIDDLE_US not in layers["anna"] and len(layers["anna"]) == 8
     code, text, _ = call(capsys, "agree", *common(recording, data), "--annotator", "anna", "--with", "bea")
     assert code == 0 and "1 labels left out: they settle conflicts" in text and "0 common" in text
+    anna = LabelStore.read(data / "labels", Layer(UUID, "left", "anna")).labels()
+    with LabelStore.open(data / "labels", UUID, "left", "bea") as store:
+        for row in range(4):  # two by hand 3 px off, one snapped to the same circle, one copied
+            t_us, x, y = int(anna.t_us[row]), float(anna.x_px[row]), float(anna.y_px[row])
+            how = Provenance(source=PositionSource.SNAPPED) if row == 2 else Provenance(annotator="anna" * (row == 3))
+            store.put(Label(t_us=t_us, state=LabelState.VISIBLE, x_px=x + 3 * (row < 2), y_px=y, provenance=how))
+            if row == 1:
+                made = Provenance(source=PositionSource.SETTLED, detector="anna 1: theirs")
+                store.put(Label(t_us=t_us, state=LabelState.VISIBLE, x_px=x, y_px=y, provenance=made))
+    words = ["agree", *common(recording, data), "--annotator", "anna", "--with", "bea"]
+    found = json.loads(call(capsys, *words, "--json")[1])
+    assert found["settled_us"] == sorted({int(anna.t_us[1]), MIDDLE_US}) and found["copied"] == 1
+    groups = {name: (one["pairs"], one["same_position"]) for name, one in found["by_source"].items()}
+    assert groups == {"by_hand": (2, 0), "snapped": (1, 1), "proposed": (0, 0), "other": (1, 1)}
+    assert found["by_source"]["by_hand"]["median_px"] == pytest.approx(3.0)
+    text = call(capsys, *words)[1]
+    assert "conflicts settled at 2 times: compared as they were before" in text and "taken over" in text
+    assert "by hand (2): median 3.00 px" in text and "snapped (1): median 0.00 px" in text and "taken twice" in text
 
 
 def test_a_shift_of_labels_against_the_events_is_measured_and_applied(

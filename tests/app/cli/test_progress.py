@@ -27,7 +27,7 @@ def test_without_a_terminal_work_that_lasts_says_how_far_it_is(
 
 def read_until(capsys: pytest.CaptureFixture[str], there: str) -> str:
     """What was said on standard error until these words were among it."""
-    said, deadline = "", time.monotonic() + 30
+    said, deadline = "", time.monotonic() + 300
     while there not in said or not said.endswith("\n"):
         assert time.monotonic() < deadline, said
         time.sleep(0.01)

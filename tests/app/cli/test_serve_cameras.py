@@ -20,7 +20,7 @@ import sys
 from pathlib import Path
 from app.cli import main
 from core.devices import neuromorphic
-from core.devices.replayed_hardware import Replayed, ReplayedLibrary
+from tests.core.devices.replayed_hardware import Replayed, ReplayedLibrary
 from core.recordings import open_recording
 recording = open_recording(Path(sys.argv[1]))
 library = ReplayedLibrary({
@@ -43,15 +43,15 @@ def test_cameras_are_served_and_closed(serve_recording, tmp_path) -> None:
         command = [sys.executable, "-c", STARTED, str(serve_recording), *words, *places]
         process = subprocess.Popen(command, stdout=out, stderr=subprocess.STDOUT)
     try:
-        until = time.monotonic() + 120
+        until = time.monotonic() + 300
         while not (found := re.search(r"http://\S+", log.read_text())):
             assert time.monotonic() < until and process.poll() is None, log.read_text()
             time.sleep(0.1)
-        with urllib.request.urlopen(found.group(), timeout=60) as page:
+        with urllib.request.urlopen(found.group(), timeout=300) as page:
             assert b"<html" in page.read(2000).lower()
     finally:
         process.send_signal(signal.SIGINT)
-    assert process.wait(120) == 0, log.read_text()
+    assert process.wait(300) == 0, log.read_text()
     assert "Traceback" not in log.read_text()
 
 

@@ -23,7 +23,7 @@ PLACE = (-1.5, 0.125, 0.25)
 
 
 def wait_for(true: Callable[[], object], what: object) -> None:
-    until = time.monotonic() + 240
+    until = time.monotonic() + 300
     while not true():
         assert time.monotonic() < until, f"it did not happen in time: {what}"
         time.sleep(0.02)
@@ -59,7 +59,7 @@ def test_a_robot_is_found_and_stopped_when_the_app_ends(standing: RobotServer, s
         assert standing.stopped == "robot: not started yet: a person has to"
     finally:
         process.send_signal(signal.SIGINT)
-    assert process.wait(120) == 0, log.read_text()
+    assert process.wait(300) == 0, log.read_text()
     wait_for(lambda: standing.stopped == "rallyscope: Rallyscope was ended", standing.stopped)
     assert "Traceback" not in log.read_text()
 

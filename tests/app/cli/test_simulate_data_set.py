@@ -123,7 +123,7 @@ def test_an_end_by_force_leaves_no_half_recording_and_no_process_and_the_next_ru
     command = [sys.executable, "-m", "app.cli", "simulate", "--out", str(out), *arguments]
     run = subprocess.Popen(command, stderr=subprocess.PIPE, start_new_session=True)
     try:
-        assert wait_until(lambda: len(list(out.glob(".*.partial.h5"))) == 2, 200), "two are being made"
+        assert wait_until(lambda: len(list(out.glob(".*.partial.h5"))) == 2, 300), "two are being made"
         helpers = children_of(run.pid)
         assert len(helpers) >= 2
         if how is signal.SIGINT:
@@ -132,9 +132,9 @@ def test_an_end_by_force_leaves_no_half_recording_and_no_process_and_the_next_ru
             os.killpg(run.pid, how)  # Ctrl-C reaches the whole group
         else:
             run.send_signal(how)
-        _, error = run.communicate(timeout=120)
+        _, error = run.communicate(timeout=300)
         assert run.returncode == code
-        assert wait_until(lambda: not any(is_alive(helper) for helper in helpers), 60), "no orphans"
+        assert wait_until(lambda: not any(is_alive(helper) for helper in helpers), 300), "no orphans"
     finally:
         if run.poll() is None:
             os.killpg(run.pid, signal.SIGKILL)

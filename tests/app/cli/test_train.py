@@ -20,7 +20,7 @@ from core.learning.config import EnvironmentConfig, default_run
 from core.learning.runs.run_files import load_policy, read_lines, read_run, seed_files
 from core.learning.runs.training import BALLS
 from core.learning.task.environment import draw_serve_batch
-from core.live.link.keys import ServerKeys, make_keys, read_server_keys
+from core.live.link.guard import ServerKeys, make_keys, read_server_keys
 from core.live.link.server import ServerConfig, SimulationServer
 from tests.core.learning.task.test_recorded_balls import write_states
 
@@ -102,7 +102,7 @@ def serving(keys: ServerKeys | None = None, cameras: dict[str, Camera] | None = 
     thread = threading.Thread(target=serve)
     thread.start()
     try:
-        yield addresses.get(timeout=30)
+        yield addresses.get(timeout=300)
     finally:
         ended.set()
         thread.join()

@@ -18,8 +18,8 @@ from core.detection.yolo.weights import load_weights
 from core.events import Events, SensorSize
 from core.learning.detector_training import run as training
 from core.learning.detector_training.config import DetectorTrainingConfig
-from core.learning.detector_training.held_out import score_sharp
-from core.learning.detector_training.streaks import BallStreak, draw_streak
+from core.learning.detector_training.crops import BallStreak, draw_streak
+from core.learning.detector_training.run import score_sharp
 from core.recordings import PixelTruth, RecordingWriter
 
 SENSOR = SensorSize(128, 96)
@@ -99,11 +99,11 @@ def test_killed_by_ctrl_c_it_goes_on_with_the_same_command(data, tmp_path, capsy
     command = [sys.executable, "-m", "app.cli", *arguments, "--out", str(out)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     checkpoint = training.training_folder(out) / "checkpoint.safetensors"
-    until = time.monotonic() + 120
+    until = time.monotonic() + 300
     while not checkpoint.exists() and process.poll() is None and time.monotonic() < until:
         time.sleep(0.1)
     process.send_signal(signal.SIGINT)
-    text, error = process.communicate(timeout=60)
+    text, error = process.communicate(timeout=300)
     assert process.returncode == 0 and "the same command goes on" in text, error
     assert checkpoint.exists() and not out.exists()
     assert main([*arguments, "--out", str(out), "--seed", "9"]) == 2

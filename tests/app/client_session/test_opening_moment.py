@@ -7,10 +7,8 @@ from pathlib import Path
 import pytest
 
 from app.client_session.opening_moment import AFTER_US, BEFORE_US, SLOW, SLOWEST, OpeningMoment, bounce_near
-from app.state.client_state import ClientState, Configs
+from app.state.client_state import ClientState, Configs, History, Playhead
 from app.state.commands import SetMode, TogglePlay
-from app.state.playback import Playhead
-from app.state.undo import History
 from core.detection import DetectorConfig
 from core.history.following import Followings
 from core.history.rally_history import RallyHistory
@@ -25,7 +23,7 @@ def followed(serve_recording: Path) -> tuple[RallyHistory, int]:
     with open_recording(serve_recording) as recording:
         following = followings.of(recording)
         assert following is not None and recording.ball is not None
-        deadline = time.monotonic() + 120
+        deadline = time.monotonic() + 300
         while following.share < 1.0:
             assert time.monotonic() < deadline
             time.sleep(0.05)

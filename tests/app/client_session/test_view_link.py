@@ -9,9 +9,7 @@ from app.client_session.view_link import MAX_LENGTH, commands_of, link_of, value
 from app.modes.watch.commands import EnlargeCamera, ShowLayer, ShowSpace
 from app.scene.world import LAYERS
 from app.state import commands
-from app.state.client_state import ClientState, Configs
-from app.state.playback import Playhead
-from app.state.undo import History
+from app.state.client_state import ClientState, Configs, History, Playhead
 from core.config import field_specs
 from core.detection import DetectorConfig
 from core.errors import ConfigError

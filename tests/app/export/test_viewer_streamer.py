@@ -13,7 +13,7 @@ ADDRESS = "rerun+http://127.0.0.1:9876/proxy"
 
 
 def wait(condition) -> None:
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 300
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.01)
@@ -41,7 +41,7 @@ def test_one_stream_at_a_time_which_says_how_it_goes_and_ends() -> None:
     def work(progress, cancelled, remark) -> None:
         progress(0.5)
         remark("slow")
-        go_on.wait(10)
+        go_on.wait(300)
 
     streamer.start("rally", work)
     wait(lambda: streamer.state().message == "slow")

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from app.formatting.glossary import GLOSSARY, PAGE, tooltip
+from app.formatting import GLOSSARY, PAGE, tooltip
 
 ROWS = dict(
     re.findall(

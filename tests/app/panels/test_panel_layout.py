@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.panels.panel_layout import WIDTHS_PX, Room, room_beside
+from app.panels.recording_info import WIDTHS_PX, Room, room_beside
 from app.theme import PANEL_WIDTH_PX
 
 RAIL_PX = 40

@@ -19,9 +19,7 @@ from app.panels.time_bar import (
     step_label,
     tracks_message,
 )
-from app.state.client_state import ClientState, Configs
-from app.state.playback import Playhead
-from app.state.undo import History
+from app.state.client_state import ClientState, Configs, History, Playhead
 from core.detection import DetectorConfig
 from core.metrics import WindowVerdicts
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from app.pictures.palette import METHOD_RGB, PaletteIndex, palette
-from app.scene.landing import CASE_RGB
+from app.scene.prediction import CASE_RGB
 
 SEES = {
     "all colours": np.eye(3),

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from app.pictures.event_picture import RENDERINGS, event_picture
+from app.pictures.canvas import RENDERINGS, event_picture
 from app.pictures.palette import RAMP_COLOURS, PaletteIndex
 from core.events import Events, SensorSize, Window
 

@@ -33,13 +33,13 @@ def radius_m(server: viser.ViserServer, name: str, *, scaled: bool = True) -> fl
 @pytest.mark.parametrize("name", SPRITES)
 def test_a_ball_that_has_no_scale_yet_is_no_larger_than_a_ball(server: viser.ViserServer, name: str) -> None:
     """A browser may show a picture for a frame before its scale: one made 2 m large filled the whole view then."""
-    BallActors(server.scene, "/world", cameras=2)
+    BallActors(server.scene, "/world")
     assert radius_m(server, name) == pytest.approx(BALL_RADIUS_M)
     assert radius_m(server, name, scaled=False) == pytest.approx(BALL_RADIUS_M)
 
 
 def test_from_near_the_ball_is_as_large_as_it_is_and_from_far_a_share_of_the_picture(server: viser.ViserServer) -> None:
-    ball = BallActors(server.scene, "/world", cameras=2)
+    ball = BallActors(server.scene, "/world")
     fov_rad, wxyz = math.radians(40), np.array([1.0, 0.0, 0.0, 0.0])  # looks along +z
     for away_m in (1.0, 6.0, 20.0):
         at = np.array([0.0, 0.0, 1.0])

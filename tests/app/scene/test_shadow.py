@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.scene.shadow import ABOVE_FLOOR_M, ABOVE_TABLE_M, OWN_RADII, WIDER, shadow_of
+from app.scene.ball import ABOVE_FLOOR_M, ABOVE_TABLE_M, OWN_RADII, WIDER, shadow_of
 from core.table import BALL_RADIUS_M, TABLE_HEIGHT_M
 
 

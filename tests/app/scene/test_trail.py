@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.scene.arena import TABLE_RGB
-from app.scene.trail import FASTEST_MPS, SLOWEST_MPS, STOPS, resampled, speed_colours, speed_line_colours
+from app.scene.ball import FASTEST_MPS, SLOWEST_MPS, STOPS, resampled, speed_colours, speed_line_colours
 
 SPEEDS = np.linspace(SLOWEST_MPS, FASTEST_MPS, 50)
 DEUTERANOPE = np.array([[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]])

@@ -5,8 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from app.scene.viewpoints import FRAMED, MARGIN, STAGE, VIEWPOINTS, framed, stage_with, standpoint
+from app.scene.view_camera import FRAMED, MARGIN, STAGE, VIEWPOINTS, framed, stage_with, standpoint
 from app.views.viewpoint import Viewpoint
+from core.cameras import stereo_preset
+from core.cameras.presets import camera_preset
 from core.geometry import look_at
 from core.history.rally_picture import People
 from core.simulation.bodies import make_actors
@@ -48,3 +50,13 @@ def test_persons_are_seen_whole() -> None:
     stage = stage_with(People(bodies.parts, ends))
     found = reach(standpoint("Broadcast", 1.0, stage=stage), ends.reshape(-1, 3), 1.0)
     assert np.abs(found).max() < 1 and stage_with(None) is STAGE
+
+
+@pytest.mark.parametrize("aspect", ASPECTS)
+def test_all_of_many_cameras_are_in_every_framed_view_and_a_pair_changes_none(aspect) -> None:
+    rig = camera_preset("corners")
+    stage = stage_with(None, rig.values())
+    places = np.array([camera.position_world_m for camera in rig.values()])
+    for name in FRAMED:
+        assert np.abs(reach(standpoint(name, aspect, stage=stage), places, aspect)).max() < 1
+    assert stage_with(None, stereo_preset().values()) is STAGE

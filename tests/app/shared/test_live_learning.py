@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from app.shared.live_learning import NO_OUTCOMES, NO_ROBOT, LiveLearning
-from app.shared.live_rally import LiveRally, join_simulation
-from app.shared.policies import BUILT_IN, LEARNS, learning_start, let_play, run_choices, start_choices
-from app.shared.simulation_process import SimulationProcess
+from app.shared.live_rally import LiveRally, SimulationProcess, join_simulation
+from app.shared.rallies import BUILT_IN, LEARNS, learning_start, let_play, run_choices, start_choices
 from app.shared.workspace import Workspace
 from core.errors import CommandError
 from core.online_learning.progress import LearnedBall
@@ -28,7 +27,7 @@ def live() -> Iterator[LiveRally]:
     assert not any(thread.name == "online-learning" for thread in threading.enumerate())
 
 
-def wait_for(true: Callable[[], object], seconds: float = 120.0) -> None:
+def wait_for(true: Callable[[], object], seconds: float = 300) -> None:
     until = time.monotonic() + seconds
     while not true():
         assert time.monotonic() < until, "it did not happen in time"

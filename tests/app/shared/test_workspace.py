@@ -89,7 +89,7 @@ def test_servers_on_one_folder_that_save_under_one_name_lose_no_config_and_doubl
     for server in servers:
         server.stdin.write("go\n")
         server.stdin.flush()
-    assert [server.wait(120) for server in servers] == [0, 0, 0]
+    assert [server.wait(300) for server in servers] == [0, 0, 0]
     for server in servers:
         server.stdin.close()
         server.stdout.close()

@@ -16,7 +16,7 @@ from core.recordings import open_recording
 from core.robot import RobotClient
 
 
-def wait_for(condition, seconds: float = 60.0) -> None:
+def wait_for(condition, seconds: float = 300) -> None:
     deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline

@@ -2,7 +2,7 @@
 
 from app.background.child import ChildProcess, share_in
 from app.startup.panel import card_html
-from app.startup.steps import Preparation, Step
+from app.startup.startup import Preparation, Step
 
 
 def test_a_step_that_takes_a_while_is_told_at_every_quarter_and_at_its_end() -> None:

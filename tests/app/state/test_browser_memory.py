@@ -10,10 +10,8 @@ import pytest
 
 from app.shared.workspace import Workspace
 from app.state import browser_memory
-from app.state.browser_memory import BrowserMemory, Remembered
-from app.state.client_state import Configs
-from app.state.settings_text import default_config
-from app.state.undo import History
+from app.state.browser_memory import BrowserMemory, Remembered, default_config
+from app.state.client_state import Configs, History
 from core.config import replace_setting
 from core.detection import DetectorConfig
 

@@ -3,9 +3,7 @@ from dataclasses import replace
 import pytest
 
 from app.state import commands as c
-from app.state.client_state import ClientState, Configs
-from app.state.playback import Playhead
-from app.state.undo import History
+from app.state.client_state import ClientState, Configs, History, Playhead
 from core.config import get_setting, replace_setting
 from core.detection import DetectorConfig, ebpp_config, refined_config
 from core.errors import ConfigError

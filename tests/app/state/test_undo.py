@@ -1,6 +1,6 @@
 import random
 
-from app.state.undo import MERGE_WITHIN_S, History
+from app.state.client_state import MERGE_WITHIN_S, History
 
 
 def test_undo_and_redo_walk_through_the_steps() -> None:

@@ -36,7 +36,7 @@ class CameraOfBrowser(BareBrowser):
         self._send(ViewerCameraMessage((1.0, 0.0, 0.0, 0.0), position, 0.17, 0.01, 100.0, 720, width, look_at, up))
 
     def wait(self, condition: Callable[[], object]) -> None:
-        deadline = time.monotonic() + 30
+        deadline = time.monotonic() + 300
         while not condition():
             assert time.monotonic() < deadline
             time.sleep(0.01)

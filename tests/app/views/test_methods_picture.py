@@ -12,8 +12,8 @@ from app.views.methods_picture import MethodsRequest, answer_methods, columns_of
 from core.detection import Detection, FastDetector, register_detector
 from core.detection.methods import METHODS, SECTIONS, method_config
 from core.events import Events, SensorSize, Window
-from core.metrics.one_window import WindowAnswer
-from core.metrics.reference import PixelReference, truth_reference
+from core.metrics.compare import PixelReference, truth_reference
+from core.metrics.run import WindowAnswer
 from core.recordings import PixelTruth, open_recording
 from core.registry import forgotten_afterwards, use_plugins
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from benchmarks.app import bench_app, measuring_browser
+from benchmarks.app import bare_browser, bench_app
 from benchmarks.app.live_pace import PaceRun, PaceWatch, rows_of
 from core.errors import CommandError
 
@@ -33,6 +33,6 @@ def test_the_best_run_is_held_against_the_goals_and_its_slowest_second_too() -> 
 
 
 def test_without_a_browser_it_cannot_be_measured(monkeypatch) -> None:
-    monkeypatch.setattr(measuring_browser, "find_chromium", lambda: None)
+    monkeypatch.setattr(bare_browser, "find_chromium", lambda: None)
     with pytest.raises(CommandError, match="no Chromium"):
         bench_app.run(lambda share: None, only="pace")

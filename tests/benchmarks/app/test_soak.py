@@ -14,10 +14,9 @@ import pytest
 from app.server import App
 from app.shared.library import Library
 from app.shared.workspace import Workspace
-from benchmarks.app.soak.annotators import Annotator, SharedRecording, count_labels, label_together
-from benchmarks.app.soak.bench_soak import RECORDING, Samples
-from benchmarks.app.soak.process_usage import ProcessUsage, children_of, usage_of
-from benchmarks.app.soak.visitor import Visitor
+from benchmarks.app.bare_browser import Visitor
+from benchmarks.app.bench_soak import RECORDING, Annotator, Samples, SharedRecording, count_labels, label_together
+from benchmarks.app.served_app import ProcessUsage, children_of, usage_of
 from core.cameras import stereo_preset
 from core.errors import CommandError
 from core.simulation import LaunchConfig, SensorConfig, StereoConfig, simulate_recording

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.detection import bench_drawn_scenes as bench
-from benchmarks.detection.drawn_scenes import ROW_SCENES, SCORED_FROM, draw_flight
+from benchmarks.detection.bench_drawn_scenes import ROW_SCENES, SCORED_FROM, draw_flight
 from core.cameras import stereo_preset
 from core.metrics.grid_score import GridScore
 

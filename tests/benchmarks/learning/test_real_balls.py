@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.learning import bench_learning, event_runs
+from benchmarks.learning import bench_learning
 from benchmarks.learning import runs as learning_runs
 from benchmarks.learning.plan import Counts, plan
 from benchmarks.learning.real_balls import built_in_score, real_experiments, real_rows
@@ -15,13 +15,12 @@ from benchmarks.learning.runs import fingerprint
 from core.errors import ConfigError
 from core.jobs import ALONE
 from core.learning.config import environment_profile, spinning_environment
-from core.learning.evaluation.episode_record import landing_errors_mm
-from core.learning.evaluation.trivial_policies import oracle_actions
+from core.learning.evaluation.policy_evaluator import landing_errors_mm, oracle_actions
 from core.learning.task.environment import evaluation_balls, play
 from tests.core.learning.task.test_recorded_balls import write_states
 
 TINY = Counts(seeds=2, minor_seeds=1, balls=4, shorten=150, event_seeds=1, people_balls=2)
-PAGE = "# Page\n\nabove\n\n## Real balls\n\nold\n\n## Time\n\nbelow\n"
+PAGE = "# Page\n\nabove\n\n## Real balls\n\nold\n\n## Curves\n\nbelow\n"
 
 
 def test_it_is_made_alone_and_not_trained_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -32,7 +31,7 @@ def test_it_is_made_alone_and_not_trained_twice(tmp_path: Path, monkeypatch: pyt
     asked = where | {"only": "real-balls", "recorded": str(balls)}
     first = bench_learning.run(lambda share: None, **asked)  # type: ignore[arg-type]
     text = page.read_text()
-    assert text.startswith("# Page\n\nabove\n\n## Real balls\n") and text.endswith("\n\n## Time\n\nbelow\n")
+    assert text.startswith("# Page\n\nabove\n\n## Real balls\n") and text.endswith("\n\n## Curves\n\nbelow\n")
     assert "\n\nold\n" not in text and text.count("## Real balls") == 1
     (seen,) = [line for line in text.splitlines() if line.startswith("| before the event cameras |")]
     assert "| 1 |" in seen and ">= 95 %, <= 200 mm" in seen
@@ -43,7 +42,6 @@ def test_it_is_made_alone_and_not_trained_twice(tmp_path: Path, monkeypatch: pyt
         raise AssertionError("done again")
 
     monkeypatch.setattr(learning_runs, "run_training", never)
-    monkeypatch.setattr(event_runs, "run_training", never)
     monkeypatch.setattr("benchmarks.learning.real_balls.oracle_actions", never)
     assert bench_learning.run(lambda share: None, **asked)["rows"] == first["rows"]  # type: ignore[arg-type]
     assert page.read_text() == text
@@ -62,8 +60,8 @@ def test_without_recorded_balls_their_table_says_so(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("before", "after"),
     [
-        (PAGE, "# Page\n\nabove\n\n## Real balls\n\nnew\n\n## Time\n\nbelow\n"),
-        ("# Page\n\n## Time\n\nbelow\n", "# Page\n\n## Real balls\n\nnew\n\n## Time\n\nbelow\n"),
+        (PAGE, "# Page\n\nabove\n\n## Real balls\n\nnew\n\n## Curves\n\nbelow\n"),
+        ("# Page\n\n## Curves\n\nbelow\n", "# Page\n\n## Real balls\n\nnew\n\n## Curves\n\nbelow\n"),
         ("# Page\n\n## Real balls\n\nold\n", "# Page\n\n## Real balls\n\nnew\n"),
         ("# Page\n\nabove\n", "# Page\n\nabove\n\n## Real balls\n\nnew\n"),
     ],

@@ -7,15 +7,15 @@ import pytest
 import torch
 
 from benchmarks.perception import bench_paper_perception as bench
-from benchmarks.perception import comparisons, measure_frames, plan
+from benchmarks.perception import comparisons, measure
+from benchmarks.perception import results as kept
 from benchmarks.perception.results import kept_reading, kept_result
 from core.data_sets import DataSetPlan, PlannedRecording
-from core.data_sets.plan import Making
-from core.data_sets.presets import PAPER7
+from core.data_sets.plan import PAPER7, Making
 from core.detection.yolo.config import YoloConfig
 from core.detection.yolo.network import YoloTiny
 from core.detection.yolo.weights import SharpScore, YoloWeights, save_weights
-from core.simulation.frames.frames import FrameConfig
+from core.simulation.frames import FrameConfig
 
 
 def one_flight(seed: int) -> DataSetPlan:
@@ -43,8 +43,8 @@ def measured(tmp_path_factory):
     weights = folder / "weights.safetensors"
     save_weights(weights, orange_weights())
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plan, "seed_plan", one_flight)
-        patch.setattr(measure_frames, "SHIPPED", weights)
+        patch.setattr(bench, "seed_plan", one_flight)
+        patch.setattr(measure, "SHIPPED", weights)
         found = bench.run(shares.append, folder=folder, report=folder / "report.md", count=1)
     return folder, found, shares
 
@@ -52,20 +52,20 @@ def measured(tmp_path_factory):
 def test_every_method_has_a_row_and_the_refined_one_is_the_nearest(measured) -> None:
     _, found, shares = measured
     rows = {row["method"]: row for row in found["rows"]}
-    assert tuple(rows) == plan.ROWS and shares[-1] == 1.0
-    for row in (rows[method] for method in plan.METHODS):
+    assert tuple(rows) == kept.ROWS and shares[-1] == 1.0
+    for row in (rows[method] for method in kept.METHODS):
         assert 0.8 < row["precision"] <= 1 and 0.8 < row["recall"] <= 1 and row["point_median_mm"] < 10
         assert 0 < row["cpu_p50_ms"] < row["latency_p50_ms"] < row["latency_p99_ms"]
         assert 1000 < row["bytes_per_detection"] < 50_000
     refined = rows["refined"]
-    assert refined["error_median_px"] == min(rows[method]["error_median_px"] for method in plan.METHODS) < 0.4
+    assert refined["error_median_px"] == min(rows[method]["error_median_px"] for method in kept.METHODS) < 0.4
     assert refined["hits_told"] == 1.0 and refined["hit_median_mm"] < 5
     assert refined["error_median_px"] > found_bound(measured), "nobody is better than the bound"
 
 
 def found_bound(measured) -> float:
     folder, found, _ = measured
-    result = kept_result(plan.result_path(folder, found["seeds"][0], "real1", "refined"))
+    result = kept_result(kept.result_path(folder, found["seeds"][0], "real1", "refined"))
     assert result is not None and len(result.bound_px) > 10
     assert all(a <= b for a, b in zip(result.bound_px, result.pixel_bound_px, strict=True))
     return sorted(result.bound_px)[len(result.bound_px) // 2]
@@ -85,9 +85,9 @@ def test_the_pages_have_the_comparisons_and_the_pictures(measured) -> None:
 def test_the_frame_detector_has_a_row_from_the_same_recordings(measured) -> None:
     folder, found, _ = measured
     row = next(row for row in found["rows"] if row["method"] == "yolo")
-    stamp = measure_frames.weights_stamp(folder / "weights.safetensors")
+    stamp = measure.weights_stamp(folder / "weights.safetensors")
     assert stamp is not None
-    result = kept_result(plan.frame_result_path(folder, found["seeds"][0], "real1", "yolo", stamp))
+    result = kept_result(kept.frame_result_path(folder, found["seeds"][0], "real1", "yolo", stamp))
     assert result is not None and result.windows == result.frame_bytes / (1280 * 720 * 3) == 10
     assert (result.exposure_us, result.window_us, result.sharp_recall) == (1000, 100_000, 0.5)
     assert row["cpu_p50_ms"] is None or row["latency_p50_ms"] == pytest.approx(0.5 + 8.3 + row["cpu_p50_ms"])
@@ -95,8 +95,8 @@ def test_the_frame_detector_has_a_row_from_the_same_recordings(measured) -> None
 
 def test_without_weights_the_rows_are_empty_and_the_report_says_why(measured, monkeypatch) -> None:
     folder, found, _ = measured
-    monkeypatch.setattr(plan, "seed_plan", one_flight)
-    monkeypatch.setattr(measure_frames, "SHIPPED", folder / "no-such-weights")
+    monkeypatch.setattr(bench, "seed_plan", one_flight)
+    monkeypatch.setattr(measure, "SHIPPED", folder / "no-such-weights")
     again = bench.run(lambda share: None, folder=folder, report=folder / "without.md", count=1)
     row = next(row for row in again["rows"] if row["method"] == "yolo")
     assert row["recall"] is None and row["bytes_per_detection"] is None
@@ -110,11 +110,11 @@ def test_what_is_kept_is_not_measured_again_and_a_removed_result_is(measured, mo
     seed = found["seeds"][0]
     asked = []
     monkeypatch.setattr(bench, "measure_method", lambda recording, method: asked.append(method) or again)
-    monkeypatch.setattr(measure_frames, "SHIPPED", folder / "weights.safetensors")
-    path = plan.result_path(folder, seed, "real1", "paper")
+    monkeypatch.setattr(measure, "SHIPPED", folder / "weights.safetensors")
+    path = kept.result_path(folder, seed, "real1", "paper")
     again = kept_result(path)
     whole = bench.run_seed(one_flight(seed), folder, lambda share: None, with_recordings=False)
-    assert asked == [] and len(whole.results) == len(plan.ROWS)
+    assert asked == [] and len(whole.results) == len(kept.ROWS)
     path.unlink()
     assert bench.run_seed(one_flight(seed), folder, lambda share: None, with_recordings=False) == whole
     assert asked == ["paper"]
@@ -126,15 +126,15 @@ def test_a_result_of_another_version_is_not_taken(measured, tmp_path) -> None:
 
 
 def test_changed_settings_are_another_result_and_the_paper_predicts_by_its_own_rule(monkeypatch, tmp_path) -> None:
-    before = plan.result_path(tmp_path, 7, "real1", "refined")
-    changed = replace(plan.ChainConfig.of_method("refined"), max_lag_ms=7.0)
-    monkeypatch.setattr(plan, "chain_of", lambda method: changed)
-    assert plan.result_path(tmp_path, 7, "real1", "refined") != before
+    before = kept.result_path(tmp_path, 7, "real1", "refined")
+    changed = replace(kept.ChainConfig.of_method("refined"), max_lag_ms=7.0)
+    monkeypatch.setattr(kept, "chain_of", lambda method: changed)
+    assert kept.result_path(tmp_path, 7, "real1", "refined") != before
     monkeypatch.undo()
-    assert plan.chain_of("paper").prediction == "fit" and plan.chain_of("auto").prediction == "filter"
+    assert kept.chain_of("paper").prediction == "fit" and kept.chain_of("auto").prediction == "filter"
 
 
 def test_a_seed_is_the_preset() -> None:
-    planned = plan.seed_plan(8)
+    planned = kept.seed_plan(8)
     assert [(one.scene, one.placement) for one in planned.recordings] == [(scene, place) for scene, place, _ in PAPER7]
     assert planned.seed == 8 and all(one.making.frames is not None for one in planned.recordings)

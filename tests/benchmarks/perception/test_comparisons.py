@@ -4,9 +4,8 @@ from dataclasses import replace
 import pytest
 
 from benchmarks.perception import comparisons
-from benchmarks.perception.comparisons import NOT_MEASURED, PAPER_SCENES, compare, scene_verdict, verdict
+from benchmarks.perception.comparisons import NOT_MEASURED, PAPER_SCENES, SeedRun, compare, scene_verdict, verdict
 from benchmarks.perception.results import PerceptionResult, RecordingReading
-from benchmarks.perception.summary import SeedRun
 
 READING = RecordingReading(
     scene="ball", seed=7, recording="real1", seconds=2.0, events=1_000_000, frames=60, frames_with_ball=30,

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.perception.hitting_point import hit_error_mm, plane_crossings
+from benchmarks.perception.measure import hit_error_mm, plane_crossings
 from core.recordings import BallTruth
 from core.trajectory import PaperPredictor, PaperPredictorConfig
 

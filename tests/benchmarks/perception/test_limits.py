@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.perception import limits
-from benchmarks.perception.limits import circle_bound_px, edge_events, look_back_us, read_once, read_time_ns
+from benchmarks.perception import measure
+from benchmarks.perception.measure import circle_bound_px, edge_events, look_back_us, read_once, read_time_ns
 from core.detection.methods import method_config
 from core.events import Events, SensorSize
 from core.recordings import PixelTruth
@@ -38,7 +38,7 @@ def test_events_of_the_edge_are_those_near_it_at_the_time_of_their_light() -> No
     u = 20.0 + 0.002 * t_us  # 2 px/ms
     there = PixelTruth(t_us, u, np.full(20, 50.0), np.full(20, 8.0), np.ones(20, bool))
     now = 4000
-    edge_x = 20 + 0.002 * (now - limits.SENSOR_DELAY_US) + 8
+    edge_x = 20 + 0.002 * (now - measure.SENSOR_DELAY_US) + 8
     xs = [round(edge_x), round(edge_x) - 8, 90, round(edge_x)]
     events = Events.from_columns([now, now, now, 9999], xs, [50] * 4, [True] * 4, SENSOR)
     assert edge_events(events, there).t_us.tolist() == [now]

@@ -1,10 +1,7 @@
 from html.parser import HTMLParser
 
-from benchmarks.perception.page import html_page, inline_html, markdown_page
-from benchmarks.perception.pictures import WindowPicture
-from benchmarks.perception.sections import ReportSection, cell
-from benchmarks.perception.summary import SeedEstimate
-from benchmarks.perception.words import one_line, paragraphs
+from benchmarks.perception.comparisons import SeedEstimate, one_line, paragraphs
+from benchmarks.perception.page import ReportSection, WindowPicture, cell, html_page, inline_html, markdown_page
 
 NAN, NEVER = float("nan"), float("inf")
 SECTIONS = [

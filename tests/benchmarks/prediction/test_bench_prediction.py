@@ -1,5 +1,4 @@
-from benchmarks.prediction.bench_prediction import measure_prediction
-from benchmarks.prediction.prediction_errors import LEADS_MS
+from benchmarks.prediction.bench_prediction import LEADS_MS, measure_prediction
 
 
 def test_a_small_measurement_has_both_methods_and_the_filter_is_nearer() -> None:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.prediction.prediction_errors import FlightTruth, PredictionErrors, PredictionSeries
+from benchmarks.prediction.bench_prediction import FlightTruth, PredictionErrors, PredictionSeries
 from core.trajectory import HitPlane, Prediction, TablePoint
 
 TRUTH = FlightTruth(0.30, np.array([-0.8, 0.1, 0.02]), 0.50, np.array([-1.42, 0.2, 0.3]))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.rally import bench_outcomes
-from benchmarks.rally.outcome_rows import ComparedBall, outcome_row
+from benchmarks.rally.bench_outcomes import ComparedBall, outcome_row
 
 
 def test_a_ball_through_cameras_and_some_of_points_give_rows_and_a_page_and_are_kept(

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from benchmarks.robustness import bench_robustness
-from benchmarks.robustness.cells import CELLS, Cell
-from benchmarks.robustness.play import PlayedSession, lab_physics
+from benchmarks.robustness.bench_robustness import CELLS, Cell, PlayedSession, lab_physics
 from core.errors import CommandError
-from core.jobs.backend import ALONE
+from core.jobs.jobs import ALONE
 from core.physics.config import physics_profile
 from core.trajectory.filter_config import UNKNOWN
 

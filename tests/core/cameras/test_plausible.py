@@ -167,3 +167,16 @@ def test_our_format_may_be_json_and_json_may_have_tabs(tmp_path: Path) -> None:
 @pytest.mark.parametrize("size", ["image_width: 1280.\nimage_height: 720.0\n", 'width: "1280"\nheight: "720"\n'])
 def test_sizes_written_as_text_or_with_a_point_are_whole_numbers(tmp_path: Path, size: str) -> None:
     assert str(read(tmp_path, one(size=size)).cameras["camera"].sensor) == "1280x720"
+
+
+def test_a_rig_posed_at_the_table_has_no_remark_that_its_place_is_unknown(tmp_path: Path) -> None:
+    T_WO = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 3], [0, 0, 0, 1]])
+    text = ""
+    for name, place in (("a", (-1.0, 1.5, 1.2)), ("b", (-1.0, -1.5, 1.2))):
+        T_CW = invert_transform(look_at(place, (0, 0, 0))) @ invert_transform(T_WO)
+        lens = "camera_matrix: [[1000, 0, 640], [0, 1000, 360], [0, 0, 1]], distortion_coeffs: [0, 0, 0, 0]"
+        text += f"{name}: {{resolution: [1280, 720], {lens}, T_CW: {T_CW.tolist()}}}\n"
+    at_table = read(tmp_path, text + f"T_WO: {T_WO.tolist()}\n")
+    np.testing.assert_allclose(at_table.cameras["a"].position_world_m, (-1.0, 1.5, 1.2), atol=1e-9)
+    assert [note.endswith("the world is the frame O of T_WO") for note in at_table.notes] == [True]
+    assert any("does not say where the table is" in note for note in read(tmp_path, text).notes)

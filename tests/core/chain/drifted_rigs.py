@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from benchmarks.calibration.calibration_error import seen_volume
 from core.cameras import Camera
 from core.cameras.epipolar import EpipolarPair
 from core.chain.calibration_drift import CalibrationDrift
 from core.geometry import make_transform, random_direction
-from core.simulation.flights.flight_series import draw_serve_series
-from core.simulation.flights.serve import LaunchConfig
+from core.simulation.flights import LaunchConfig, draw_serve_series
+from core.table import TABLE_LENGTH_M, TABLE_WIDTH_M
 
 Array = NDArray[np.float64]
+VOLUME_M: Final = ((-TABLE_LENGTH_M / 2, -TABLE_WIDTH_M / 2, 0.02), (TABLE_LENGTH_M / 2, TABLE_WIDTH_M / 2, 0.5))
 VOLUME_POINTS: Final = 600
 LENGTH_ROUNDS: Final = 4
 POINT_EVERY_S: Final = 0.002
@@ -35,6 +35,18 @@ class SightingNoise:
     """The same in a whole flight: what it does wrong with balls that fly so."""
     stray_share: float = 0.03
     """Sightings of something else."""
+
+
+def seen_volume(cameras: Mapping[str, Camera], count: int, rng: np.random.Generator) -> Array:
+    """Points (K, 3) spread evenly over the volume above the table, of `count` those that all cameras see."""
+    ps = rng.uniform(*VOLUME_M, (count, 3))
+    seen = np.ones(count, np.bool_)
+    for camera in cameras.values():
+        uvs = camera.project(ps)
+        size = np.array([camera.sensor.width_px, camera.sensor.height_px])
+        with np.errstate(invalid="ignore"):
+            seen &= ((uvs > -0.5) & (uvs < size - 0.5)).all(axis=1)
+    return ps[seen]
 
 
 def epipolar_rms_px(true: Mapping[str, Camera], believed: Mapping[str, Camera], ps_world_m: Array) -> float:

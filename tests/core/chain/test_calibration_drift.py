@@ -6,14 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from core.cameras import Camera, stereo_preset
+from core.cameras.presets import camera_preset
 from core.chain import ChainState, RallyChain
 from core.chain.calibration_drift import CalibrationDrift, CalibrationDriftConfig
 from core.detection.window import windows_side_by_side
 from core.geometry import make_transform
 from core.recordings import open_recording
-from tests.core.chain.drifted_rigs import epipolar_rms_px, feed_serves, turn_second
+from tests.core.chain.drifted_rigs import SightingNoise, epipolar_rms_px, feed_serves, turn_second
 
 PAIR = stereo_preset("side")
 
@@ -77,6 +79,37 @@ def test_of_three_cameras_the_pair_that_fits_worst_is_named() -> None:
     monitor = CalibrationDrift(believed)
     feed_serves(monitor, true, 6, rng)
     assert monitor.report.alarm and monitor.report.pair is not None and "right" in monitor.report.pair
+    assert monitor.report.camera == "right"
+
+
+@pytest.mark.parametrize("name", ["near_left", "far_right"])
+def test_one_camera_of_four_that_is_half_a_pixel_off_is_named_and_a_third_of_a_pixel_is_no_alarm(name: str) -> None:
+    true, noise = camera_preset("corners"), SightingNoise(sigma_px=0.2, flight_px=0.05)
+    reports = {}
+    for off_px in (0.5, 0.3):
+        rng = np.random.default_rng(4)
+        T, axis = true[name].T_world_camera, rng.normal(size=2)
+        turn = Rotation.from_rotvec([*(off_px / 1000.0 * axis / np.linalg.norm(axis)), 0.0]).as_matrix()
+        believed = {**true, name: replace(true[name], T_world_camera=make_transform(T[:3, :3] @ turn, T[:3, 3]))}
+        monitor = CalibrationDrift(believed)
+        feed_serves(monitor, true, 6, rng, noise)
+        reports[off_px] = monitor.report
+    assert reports[0.5].alarm and reports[0.5].camera == name
+    assert not reports[0.3].alarm
+
+
+def test_no_camera_is_named_where_two_were_moved_or_none_can_be_told_apart() -> None:
+    rng, true = np.random.default_rng(0), camera_preset("corners")
+    moved = dict(true)
+    for name in ("near_left", "far_left"):
+        T = true[name].T_world_camera
+        turn = Rotation.from_rotvec([0.002, 0.001, 0.0]).as_matrix()
+        moved[name] = replace(true[name], T_world_camera=make_transform(T[:3, :3] @ turn, T[:3, 3]))
+    monitor, pair = CalibrationDrift(moved), CalibrationDrift(turn_second(PAIR, 2.0, rng))
+    feed_serves(monitor, true, 6, rng)
+    feed_serves(pair, PAIR, 6, rng)
+    assert monitor.report.alarm and pair.report.alarm
+    assert monitor.report.camera is None and pair.report.camera is None
 
 
 @pytest.fixture(scope="module")

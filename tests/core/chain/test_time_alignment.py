@@ -93,3 +93,27 @@ def test_the_covariances_are_those_of_the_newest_detections_where_they_are_said(
     assert found is not None
     np.testing.assert_allclose(found.covariances_px2[0], 0.04 * np.eye(2))
     assert np.isnan(found.covariances_px2[1:]).all()
+
+
+def lone(aligner: TimeAligner) -> list[tuple[str, int]]:
+    return [(name, found.t_us) for name, found in aligner.take_lone()]
+
+
+def test_detections_without_a_partner_are_handed_out_once_when_no_other_can_meet_them() -> None:
+    aligner = TimeAligner(("a", "b", "c"), 6000)
+    aligner.add({"a": seen(1000, 1.0), "b": seen(1000, 2.0)})
+    assert lone(aligner) == [], "both are of a common time"
+    for t_us, expected in ((2000, []), (3000, []), (4000, [("a", 2000)]), (5000, [("a", 3000)])):
+        aligner.add({"a": seen(t_us, 1.0)})
+        assert lone(aligner) == expected, "b may be read between two of its detections, up to two back"
+    aligner.add({"a": seen(7001, 1.0)})
+    assert lone(aligner) == [("a", 4000), ("a", 7001)], "b is 6 ms behind"
+    aligner.add({"a": seen(8000, 1.0), "b": seen(8000, 2.0), "c": seen(7500, 3.0)})
+    assert lone(aligner) == [("c", 7500)], "the common time has passed it"
+
+
+def test_what_was_not_of_one_ball_is_handed_out_after_all() -> None:
+    aligner = TimeAligner(("a", "b", "c"), 6000)
+    aligner.add({"a": seen(1000, 1.0), "b": seen(1000, 2.0)})
+    aligner.put_back()
+    assert lone(aligner) == [("a", 1000), ("b", 1000)] and lone(aligner) == []

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from core.data_sets import PlannedRecording, plan_data_set, preset_plan
-from core.data_sets.plan import PAPER_SPEEDS_MPS, Making, recording_seed
-from core.data_sets.presets import PAPER7_FRAMES
+from core.data_sets.plan import PAPER7_FRAMES, PAPER_SPEEDS_MPS, Making, recording_seed
 from core.errors import ConfigError
 from core.events import SensorSize
-from core.simulation.frames.frames import FrameConfig
+from core.simulation.frames import FrameConfig
 
 ONE = PlannedRecording(name="a", scene="ball", placement="side", speeds_mps=(5.0,), robot=True, seed=1)
 

@@ -14,7 +14,7 @@ from core.live.worlds.world import WorldConfig
 from core.recordings import open_recording
 from core.recordings.reader import FileRecording
 from core.simulation import StereoConfig, scene_named
-from core.simulation.frames.frames import FrameConfig
+from core.simulation.frames import FrameConfig
 from core.simulation.recording import SimulatedRecording
 
 SPEEDS = (5.0, 8.0)

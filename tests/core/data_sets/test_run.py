@@ -12,10 +12,9 @@ import pytest
 
 from core.cameras import stereo_preset
 from core.data_sets import CARD, MANIFEST, DataSetPlan, plan_data_set, preset_plan, read_manifest, run_data_set
-from core.data_sets.croissant import CROISSANT
-from core.data_sets.facts import read_facts
+from core.data_sets.card import CROISSANT
+from core.data_sets.facts import make_recording, partial_path, read_facts
 from core.data_sets.index import INDEX
-from core.data_sets.make import make_recording, partial_path
 from core.data_sets.plan import Making
 from core.data_sets.run import LOCK
 from core.errors import RecordingError
@@ -24,7 +23,7 @@ from core.history.recorded_rally import EPISODES
 from core.jobs import JobBackend
 from core.recordings import open_recording
 from core.simulation import LaunchConfig, StereoConfig, simulate_recording
-from core.simulation.frames.frames import FrameConfig
+from core.simulation.frames import FrameConfig
 
 SMALL = Making(sensor=SensorSize(96, 64), frames=FrameConfig(rate_hz=20.0))
 PLAN = plan_data_set(speeds_mps=(8, 9), serves=1, seed=5, making=SMALL)
@@ -184,3 +183,14 @@ def test_the_papers_seven_can_be_made_small(tmp_path: Path) -> None:
     assert isinstance(total, dict) and total["recordings"] == 7 and total["frames"] > 40 and total["events"] > 1000
     assert manifest["placements"] == ["side", "ceiling", "behind"]
     assert manifest["scenes"] == ["ball", "person", "two-persons", "rally"]
+
+
+def test_four_cameras_are_a_placement_too_and_the_count_is_of_all_of_them(tmp_path: Path) -> None:
+    making = Making(sensor=SensorSize(320, 180))
+    plan = plan_data_set(speeds_mps=(9,), placements=("corners",), serves=1, robot=False, making=making)
+    run_data_set(plan, tmp_path, engine=JobBackend(jobs=1))
+    with open_recording(tmp_path / "ball-9mps-corners-1.h5") as recording:
+        assert list(recording.cameras) == ["near_left", "near_right", "far_left", "far_right"]
+        truths = [stream.truth for stream in recording.cameras.values()]
+        seen = np.all([truth.visible for truth in truths if truth is not None], axis=0).sum()
+    assert read_facts(tmp_path / "ball-9mps-corners-1.h5", plan.recordings[0]).points_3d_seen == seen > 0

@@ -13,11 +13,10 @@ from core.detection.window import windows_between
 from core.detection.yolo.config import YoloConfig
 from core.detection.yolo.weights import YoloWeights
 from core.events import CameraFrame, Events, SensorSize, Window
-from core.jobs.threads import one_torch_thread
+from core.jobs.control import one_torch_thread
 from core.learning.detector_training.config import DetectorTrainingConfig
-from core.learning.detector_training.pool import TrainingPictures
-from core.learning.detector_training.rooms import LabelledPictures
-from core.learning.detector_training.streaks import BallStreak, draw_streak
+from core.learning.detector_training.crops import BallStreak, draw_streak
+from core.learning.detector_training.pool import LabelledPictures, TrainingPictures
 from core.learning.detector_training.training import new_state, run_steps
 
 
@@ -155,9 +154,13 @@ def circles() -> Callable[..., LabelledPictures]:
 
 @pytest.fixture(scope="session")
 def small_yolo() -> YoloWeights:
-    """A quarter as wide as published, over-fitted for some twenty seconds on forty drawn discs."""
+    """A quarter as wide as published, over-fitted for half a minute on forty drawn discs.
+
+    The crops are most of a picture: from small ones batch normalisation learns a mean that whole pictures do not have,
+    and the answers are off by 0.6 to 3 px, as the processor rounds.
+    """
     yolo = YoloConfig(input_width_px=320, input_height_px=256, width=0.25)
-    config = DetectorTrainingConfig(yolo=yolo, steps=800, crop_px=64, batch=8, learning_rate=3e-3, warm_up_steps=20)
+    config = DetectorTrainingConfig(yolo=yolo, steps=800, crop_px=128, batch=4, learning_rate=3e-3, warm_up_steps=20)
     with one_torch_thread():  # sums in another order end in another network
         state = new_state(config, "cpu")
         assert run_steps(state, config, TrainingPictures((draw_circles(40, seed=1),)))

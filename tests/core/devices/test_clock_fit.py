@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.devices.clock_fit import BINS, ClockFit
-from core.devices.clock_shift import ClockShift
+from core.devices.clock_fit import BINS, ClockFit, ClockShift
 
 MINUTES_US = 600_000_000
 

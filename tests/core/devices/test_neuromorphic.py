@@ -7,12 +7,11 @@ import time
 import numpy as np
 import pytest
 
-from core.devices.bias_file import read_biases, write_biases
-from core.devices.models import EVK4, MODELS
+from core.devices.models import EVK4, MODELS, read_biases, write_biases
 from core.devices.neuromorphic import DriverCamera, load_driver, open_camera
-from core.devices.replayed_hardware import DTYPE, Replayed, ReplayedLibrary
 from core.errors import ConfigError, DeviceError
 from core.events import Events, SensorSize
+from tests.core.devices.replayed_hardware import DTYPE, Replayed, ReplayedLibrary
 
 nd = load_driver()
 

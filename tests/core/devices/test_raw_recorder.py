@@ -10,15 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.devices.evt3_bytes import Evt3Clock, GapResynchroniser, count_events
 from core.devices.neuromorphic import open_camera
-from core.devices.raw_recorder import RawRecorder, raw_path
-from core.devices.replayed_hardware import Replayed, ReplayedLibrary
+from core.devices.raw_recorder import Evt3Clock, GapResynchroniser, RawRecorder, count_events, raw_path
 from core.errors import RecordingError
 from core.events import Events, SensorSize
 from core.events.clock_table import read_clock_table
 from core.recordings import import_recording, open_recording
 from core.recordings.evt3_encoder import Evt3Encoder
+from tests.core.devices.replayed_hardware import Replayed, ReplayedLibrary
 
 SENSOR = SensorSize(1280, 720)
 LONG_US = 10**9
@@ -34,7 +33,7 @@ class Pixels:
         return Events.from_columns(numbers * 10, numbers % 1280, numbers // 1280 % 720, numbers % 3 == 0, SENSOR)
 
 
-def wait_for(true: Callable[[], object], seconds: float = 60.0) -> None:
+def wait_for(true: Callable[[], object], seconds: float = 300) -> None:
     until = time.monotonic() + seconds
     while not true():
         assert time.monotonic() < until, "it did not happen in time"

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from core.history.live_rows import LiveRows
+from core.history.following import add_known
 from core.history.rally_history import RallyHistory
-from core.history.recorded_history import add_known
+from core.history.record_live import LiveRows
 from core.history.recorded_rally import RACKET
 from core.live.link import messages as m
 from core.physics.episode import Case

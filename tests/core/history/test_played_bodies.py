@@ -18,7 +18,7 @@ from core.recordings import RecordingWriter, open_recording
 from core.simulation import StereoConfig, ball_truth, simulate_recording, truth_times
 from core.simulation.bodies import make_actors
 from core.simulation.bodies.rally_flight import draw_flights
-from core.simulation.flights.serve import LaunchConfig
+from core.simulation.flights import LaunchConfig
 from core.simulation.scenes.scene import SCENES
 
 SMALL = SensorSize(64, 48)

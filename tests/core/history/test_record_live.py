@@ -36,7 +36,7 @@ def client(request):
     thread.join()
 
 
-def wait_for(true, seconds: float = 120.0) -> None:
+def wait_for(true, seconds: float = 300) -> None:
     until = time.monotonic() + seconds
     while not true():
         assert time.monotonic() < until

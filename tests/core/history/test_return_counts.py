@@ -2,8 +2,8 @@
 
 import pytest
 
-from core.history.return_counts import BallConditions, ReturnCounts
-from core.metrics.intervals import binomial_interval
+from core.history.seen_outcomes import BallConditions, ReturnCounts
+from core.metrics.score import binomial_interval
 
 BUILT_IN, POLICY = BallConditions("built-in", "ball"), BallConditions("my-run", "ball")
 

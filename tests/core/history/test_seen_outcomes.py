@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.rally.noisy_tracks import NoisyBall, draw_ball
+from benchmarks.rally.bench_outcomes import NoisyBall, draw_ball
 from core.chain.chain import BallPoint, ChainState, StageSeconds
 from core.history.following import Following
 from core.history.rally_history import RallyHistory
@@ -36,7 +36,7 @@ def steps_of(ball: NoisyBall, start_us: int) -> list[ChainState]:
 
 
 def wait_for(holds: Callable[[], bool]) -> None:
-    until_s = time.monotonic() + 30
+    until_s = time.monotonic() + 300
     while not holds():
         assert time.monotonic() < until_s, "nothing was judged"
         time.sleep(0.01)

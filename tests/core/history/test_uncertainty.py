@@ -2,7 +2,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from app.scene.uncertainty import CORNERS, RINGS, SIGMAS, ellipse, tube_faces, tube_vertices
+from app.scene.prediction import CORNERS, RINGS, SIGMAS, ellipse, tube_faces, tube_vertices
 from core.history.rally_history import spreads_of
 from core.history.rally_picture import UncertaintyEllipse
 

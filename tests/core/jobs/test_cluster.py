@@ -74,7 +74,7 @@ def test_a_worker_that_is_killed_halfway_takes_nothing_along(own_cluster, tmp_pa
     with open_jobs(JobBackend(cluster=own_cluster.address), 6) as jobs:
         assert jobs.run(slowly, pieces) == [0, 1, 2, 3, 4, 5]
     killer.join()
-    assert own_cluster.processes[-1].wait(10) == -signal.SIGKILL
+    assert own_cluster.processes[-1].wait(300) == -signal.SIGKILL
     assert set(begun(tmp_path).values()) >= {own_cluster.processes[1].pid}
 
 

@@ -12,7 +12,7 @@ from app.cli import main
 from benchmarks.learning.plan import Counts, plan
 from benchmarks.learning.runs import train_seed
 from benchmarks.perception.bench_paper_perception import run_seed
-from benchmarks.perception.plan import METHODS
+from benchmarks.perception.results import METHODS
 from core.data_sets import plan_data_set, run_data_set
 from core.data_sets.plan import DataSetPlan, Making, PlannedRecording
 from core.data_sets.run import LOCK

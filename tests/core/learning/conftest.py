@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from core.jobs.threads import one_torch_thread
+from core.jobs.control import one_torch_thread
 from core.learning.config import RunConfig
 
 

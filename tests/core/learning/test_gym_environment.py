@@ -26,7 +26,7 @@ from core.learning.task.environment import draw_serve_batch, play
 from core.learning.task.reward import episode_rewards, reward_weights
 from core.learning.vector_environment import VectorReturn
 from core.physics.episode import Case
-from core.text.toml_text import parse_toml
+from core.text import parse_toml
 
 ROOT = Path(__file__).parents[3]
 TRUTH = EnvironmentConfig(state_source="truth")

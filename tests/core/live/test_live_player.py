@@ -18,9 +18,8 @@ from core.errors import ConfigError
 from core.events import SensorSize
 from core.live.link.client import SimulationClient
 from core.live.link.server import ServerConfig, SimulationServer
-from core.live.live_meter import EVERY_S, SPAN_S
 from core.live.live_player import LivePlayer, LivePlayerConfig
-from core.live.live_snapshot import RallySnapshot
+from core.live.live_snapshot import EVERY_S, SPAN_S, RallySnapshot
 from core.live.worlds.world import WorldConfig
 from core.physics.config import PhysicsConfig, Profile, physics_profile
 from core.physics.episode import Case
@@ -47,7 +46,7 @@ def serving(
         thread.join()
 
 
-def wait_for(true: Callable[[], object], seconds: float = 40.0) -> None:
+def wait_for(true: Callable[[], object], seconds: float = 300) -> None:
     until = time.monotonic() + seconds
     while not true():
         assert time.monotonic() < until, "it did not happen in time"

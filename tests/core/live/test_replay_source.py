@@ -23,6 +23,7 @@ from core.live.live_player import LivePlayer
 from core.live.replay_source import ReplaySource
 from core.live.ring_recording import RingRecording
 from core.live.stream_watch import StreamWatch
+from core.physics.config import physics_profile
 from core.recordings import RecordingWriter, open_recording
 
 SENSOR = SensorSize(64, 48)
@@ -110,11 +111,11 @@ def play(source: ReplaySource, blocks: int, *listeners) -> Halting:
     for listener in (*listeners, halting):
         source.add_listener(listener)
     source.listen(True)
-    assert halting.done.wait(60), "the blocks did not come"
+    assert halting.done.wait(300), "the blocks did not come"
     return halting
 
 
-def wait_for(true: Callable[[], object], seconds: float = 60.0) -> None:
+def wait_for(true: Callable[[], object], seconds: float = 300) -> None:
     until = time.monotonic() + seconds
     while not true():
         assert time.monotonic() < until, "it did not happen in time"
@@ -166,7 +167,7 @@ def test_a_block_never_comes_before_its_time(pair, speed):
         stamps = Stamps(source, 40)
         began_s = time.monotonic()
         source.add_listener(stamps)
-        assert stamps.done.wait(60)
+        assert stamps.done.wait(300)
         due_s = (np.arange(40) + 1) * BLOCK_US * 1e-6 / speed
         early_s = due_s - (np.array(came_s) - began_s)
         assert early_s.max() < 1e-3
@@ -183,7 +184,7 @@ def test_what_falls_behind_is_counted_and_nothing_is_left_out(pair):
         slow, ring = Slow(source, 20), RingRecording()
         source.add_listener(ring)
         source.add_listener(slow)
-        assert slow.done.wait(60)
+        assert slow.done.wait(300)
         assert [t_us for t_us, _ in slow.blocks] == [BLOCK_US * (k + 1) for k in range(20)]
         wait_for(lambda: source.behind_s > 0.2)
         assert len(ring.cameras["left"].slice(0, LOOP_US)) == 3000
@@ -235,6 +236,16 @@ def test_one_camera_without_calibration_is_replayed_and_nothing_is_made_up(tmp_p
         player = LivePlayer(source)
         wait_for(lambda: player.snapshot.session)
         assert "two" in player.snapshot.problem and not player.playing
+        player.close()
+
+
+@pytest.mark.parametrize("profile", ["paper", "real"])
+def test_the_controller_takes_the_rubber_of_the_physics_that_is_given(pair, profile):
+    with replaying(pair, physics=physics_profile(profile)) as source:
+        source.listen(False)
+        player = LivePlayer(source)
+        assert player.controller.task.physics.rubber == physics_profile(profile).rubber
+        assert player.controller.task.physics.air != physics_profile(profile).air, "learned"
         player.close()
 
 
@@ -311,12 +322,12 @@ def test_every_block_that_the_player_cannot_follow_is_counted_once(serve_recordi
 
         def hold(session: str, state: PlayerState, decision: object) -> None:
             held.set()
-            go_on.wait(60)
+            go_on.wait(300)
 
         player.add_step_listener(hold)
         wait_for(lambda: player.snapshot.session)
         play(source, 60)
-        assert held.wait(60)
+        assert held.wait(300)
         go_on.set()
         wait_for(lambda: player.snapshot.t_us == 600_000)
         meter = player._meter  # what `health` shows ten times a second
@@ -338,7 +349,7 @@ def test_the_live_chain_sees_what_the_chain_sees_in_the_file(serve_recording):
         patient = Patient(source, 60, player)
         source.add_listener(patient)
         source.listen(True)
-        assert patient.done.wait(120), "the blocks did not come"
+        assert patient.done.wait(300), "the blocks did not come"
         assert player._meter.dropped == 0 and not player.playing
         player.close()
     assert len(steps) == len(offline) == 300

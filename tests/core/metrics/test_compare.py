@@ -11,6 +11,7 @@ from core.metrics.compare import (
     Comparison,
     ErrorRun,
     MethodRun,
+    PixelReference,
     bin_edges,
     compare_methods,
     curves_over_time,
@@ -18,8 +19,8 @@ from core.metrics.compare import (
     judge_run,
     missed_stretches,
     run_method,
+    truth_reference,
 )
-from core.metrics.reference import PixelReference, truth_reference
 from core.recordings import PixelTruth, open_recording
 
 NAN = float("nan")

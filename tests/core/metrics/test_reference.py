@@ -4,7 +4,7 @@ import numpy as np
 
 from core.events import SensorSize
 from core.metrics import WindowAnswers
-from core.metrics.reference import labels_reference, method_reference, truth_reference
+from core.metrics.compare import labels_reference, method_reference, truth_reference
 from core.recordings import PixelTruth
 
 NAN = float("nan")

@@ -6,7 +6,7 @@ import cv2
 
 from core.detection import Detection
 from core.events import Events, SensorSize, Window
-from core.metrics.timed import TimedDetector, one_opencv_thread
+from core.metrics.run import TimedDetector, one_opencv_thread
 
 WINDOW = Window(Events.empty(SensorSize(8, 8)), 0, 1000)
 
@@ -42,12 +42,12 @@ def test_opencv_has_its_threads_again_when_the_last_one_is_out() -> None:
     def other() -> None:
         with one_opencv_thread():
             entered.set()
-            leave.wait(10)
+            leave.wait(300)
 
     thread = threading.Thread(target=other)
     with one_opencv_thread():
         thread.start()
-        assert entered.wait(10) and cv2.getNumThreads() == 1
+        assert entered.wait(300) and cv2.getNumThreads() == 1
     assert cv2.getNumThreads() == 1, "the other one is still inside"
     leave.set()
     thread.join(10)

@@ -15,12 +15,10 @@ from core.chain.control.policy_controller import PolicyController
 from core.errors import ConfigError
 from core.learning.agents.policy import Policy
 from core.learning.config import EnvironmentConfig, default_run
-from core.learning.runs.checkpoints import load_checkpoint
-from core.learning.runs.run_files import create_run, load_policy, read_run, seed_files
+from core.learning.runs.run_files import create_run, load_checkpoint, load_policy, read_run, seed_files
 from core.learning.runs.running import run_training
 from core.learning.runs.training import Training
-from core.learning.task.environment import ServeBatch, draw_serve_batch, play
-from core.learning.task.episode_backend import ClosedFormBackend
+from core.learning.task.environment import ClosedFormBackend, ServeBatch, draw_serve_batch, play
 from core.live.live_snapshot import FinishedBall
 from core.online_learning.learner import OnlineLearner
 from core.online_learning.start import NOTHING, can_start_from, start_from_nothing, start_from_run

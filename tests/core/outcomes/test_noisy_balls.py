@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.rally.bench_outcomes import judge_points
-from benchmarks.rally.noisy_tracks import TrackNoise, draw_ball
+from benchmarks.rally.bench_outcomes import TrackNoise, draw_ball, judge_points
 from core.learning.config import environment_profile
 from core.outcomes import OutcomeClassifier
 from core.physics.config import Profile

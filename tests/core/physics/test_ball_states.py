@@ -11,8 +11,7 @@ from core.physics import Serves
 from core.physics.ball_states import KEYS, join_serves, read_ball_states
 from core.physics.task import task_profile
 from core.simulation.episodes import draw_serves, fly_serves
-from core.simulation.episodes.incoming import Incoming, fly_incoming
-from core.simulation.episodes.recorded_serves import RecordedServes
+from core.simulation.episodes.incoming import Incoming, RecordedServes, fly_incoming
 
 REAL = task_profile("real")
 PAPER = task_profile("paper")

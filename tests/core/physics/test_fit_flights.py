@@ -16,10 +16,10 @@ from core.physics.fit_flights import (
     first_guess,
     fit_physics,
     fit_start,
+    read_flight,
     simulate_flight,
     with_constants,
 )
-from core.physics.flight_files import read_flight
 
 DRAG, RESTITUTION, FRICTION, MAGNUS = 0.40, 0.88, 0.30, 0.12
 TRUE = with_constants(MAGNUS, DRAG, RESTITUTION, FRICTION)

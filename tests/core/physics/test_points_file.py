@@ -40,7 +40,7 @@ def test_a_file_that_is_no_such_table_is_refused_with_its_row(tmp_path: Path, te
 def test_a_file_that_is_not_there_or_no_text_is_refused(tmp_path: Path) -> None:
     with pytest.raises(PointsFileError, match="cannot read the points"):
         read_points(tmp_path / "none.csv")
-    (tmp_path / "bytes.csv").write_bytes(b"t_s,x_m,y_m,z_m\n\xff\xfe")
+    (tmp_path / "bytes.csv").write_bytes(b"t_s,x_m,y_m,z_m\n\xff\xfe\x00")
     with pytest.raises(PointsFileError, match="not a CSV file"):
         read_points(tmp_path / "bytes.csv")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.physics.flight_files import read_flight_file
+from core.physics.fit_flights import read_flight_file
 from core.physics.points_file import PointsFile, PointsFileError, read_points_file
 
 Array = np.ndarray
@@ -65,6 +65,9 @@ def read(tmp_path: Path, text: str) -> PointsFile:
         ("\n".join([LINES[0], *LINES[:0:-1]]), 0),
         ("\n".join([*LINES[:20], LINES[21], LINES[20], *LINES[22:]]), 0),
         (PLAIN.replace("\n", "\n0.001,nan,0,0\n0.002,,,\n", 1), 0),
+        (f"sep=;\n# made by a tool\n{table('t_s;x_m;y_m;z_m;', mark=';').replace('.', ',')}", 0),
+        ("# t_s x_m y_m z_m\n" + table("", mark=" ")[1:], 0),
+        (PLAIN.replace("\n", ",\n"), 0),
     ],
 )
 def test_the_same_flight_is_read_from_every_form(tmp_path: Path, text: str, start_s: float) -> None:
@@ -115,6 +118,66 @@ def test_what_cannot_be_right_is_refused_with_what_would_be(tmp_path: Path, text
 )
 def test_what_is_odd_is_read_and_said(tmp_path: Path, text: str, said: str) -> None:
     assert said in "; ".join(read(tmp_path, text).notes)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "header"),
+    [("utf-16", "t_s;x_m;y_m;z_m;größe"), ("utf-16-le", "t_s;x_m;y_m;z_m"), ("latin-1", "t_s;x_m;y_m;z_m;größe")],
+)
+def test_a_flight_is_read_in_any_encoding(tmp_path: Path, encoding: str, header: str) -> None:
+    rows = table(header, mark=";").replace(".", ",").replace("\n", ";\n") if "ö" in header else table(header, mark=";")
+    (tmp_path / "flight.csv").write_bytes(rows.replace(header + ";", header).encode(encoding))
+    np.testing.assert_allclose(read_points_file(tmp_path / "flight.csv").ps_m, PS, atol=1e-9)
+
+
+def with_rows(*odd: str, lines: list[str] = LINES) -> str:
+    """The flight with odd rows behind its 31st, each a few rows after the one before."""
+    rows = list(lines)
+    for number, row in enumerate(odd):
+        rows.insert(31 + 5 * number, row)
+    return "\n".join(rows) + "\n"
+
+
+UNSAID = table("t,x,y,z", 1e3 * T, 1e3 * PS).splitlines()
+ODD = {
+    "an outlier": (with_rows("0.2501,99,0.1,0.3"), "no ball can get there from the points before and after"),
+    "outliers": (with_rows("0.2501,99,0.1,0.3", "0.292,0,0,-99"), "2 of 92 rows left out: no ball can get there"),
+    "an outlier, no units": (with_rows("251,99000,100,300", lines=UNSAID), "no ball can get there"),
+    "beyond the hall": (with_rows("0.2501,0.1,1e9,0.3"), "y_m is no place at a table"),
+    "a repeated time": (with_rows(LINES[30].split(",")[0] + ",0.05,0.1,0.3"), "times do not ascend"),
+    "a copy": (with_rows(LINES[30]), "1 of 91 rows left out: copies of the row before"),
+    "a short row": (with_rows("0.2501,0.1"), "wrong number of cells; "),
+    "a text": (with_rows("0.2501,0.1,ERR,0.3"), "y_m is not a number"),
+    "an infinite value": (with_rows("0.2501,0.1,-inf,0.3"), "y_m is not a number"),
+    "a time of 0": (with_rows("0,0.1,0.1,0.3"), "t_s is far from the others"),
+    "a time of a day later": (with_rows("86400.25,0.1,0.1,0.3"), "t_s is far from the others"),
+    "a last time of a day later": (PLAIN + "86400.25,0.1,0.1,0.3\n", "t_s is far from the others"),
+    "a remark": (with_rows("# lost here"), ""),
+}
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_one_odd_row_is_left_out_and_said(tmp_path: Path, name: str) -> None:
+    text, said = ODD[name]
+    found = read(tmp_path, text)
+    np.testing.assert_allclose(found.t_s, T, atol=1e-9)
+    np.testing.assert_allclose(found.ps_m, PS, atol=1e-9)
+    notes = "; ".join(found.notes)
+    assert said in notes and ("row" in notes) == bool(said)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (table("t_s,x_m,y_m,z_m").replace(".", ","), "90 of 90 rows are so: decimal commas between commas"),
+        (with_rows(*["0.25,ERR,0,0"] * 12), "12 of 102 rows are so"),
+        (table("t_s,x_m,y_m,z_m", np.floor(T * 60) / 60), "times have too few digits"),
+        (table("t_s,x_m,y_m,z_m", T, np.where(np.arange(90)[:, None] % 7 == 0, 1e4, PS)), "for millimetres name"),
+    ],
+)
+def test_many_odd_rows_are_refused_with_the_likeliest_cause(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(PointsFileError, match=said):
+        read(tmp_path, text)
 
 
 def test_a_plain_file_has_no_remarks_and_fit_physics_reads_the_same(tmp_path: Path) -> None:

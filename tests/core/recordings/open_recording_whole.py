@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from core.history.following import add_known
 from core.history.played_bodies import recorded_bodies
 from core.history.rally_history import RallyHistory
-from core.history.recorded_history import add_known
 from core.history.recorded_rally import read_predictions
 from core.recordings import CameraStream, open_recording
 from core.recordings.reader import FileRecording

@@ -16,7 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from core.errors import LinkError, NoAnswerError, TargetRefusedError
-from core.live.link.keys import make_keys, read_client_keys, read_server_keys
+from core.live.link.guard import make_keys, read_client_keys, read_server_keys
 from core.robot import RobotClient, RobotServer, RobotTarget, RobotWatchConfig
 from core.robot.motion_check import FaceMotion, find_fault
 from core.robot.robot_client import host_us

@@ -5,9 +5,8 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from core.robot.motion_check import FaceMotion
+from core.robot.motion_check import AHEAD_US, FOLLOW_US, OLDEST_US, SILENT_US, FaceMotion, TargetArbiter
 from core.robot.robot_messages import RobotTarget
-from core.robot.target_arbiter import AHEAD_US, FOLLOW_US, OLDEST_US, SILENT_US, TargetArbiter
 from tests.core.robot.limits import LIMITS
 
 REST = FaceMotion.of((-1.6, 0.0, 0.25), (1, 0, 0, 0), (0, 0, 0))

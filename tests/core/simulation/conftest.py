@@ -5,7 +5,7 @@ from core.cameras import Camera
 from core.events import SensorSize
 from core.geometry import look_at
 from core.simulation import SensorConfig
-from core.simulation.flights.ball_path import ParabolicPath
+from core.simulation.flights import ParabolicPath
 
 QUIET = SensorConfig(noise_hz=0.0, hot_pixels_per_million=0.0)
 """Only what the light does."""

@@ -19,7 +19,7 @@ from core.simulation import (
     truth_times,
 )
 from core.simulation.bodies import make_actors
-from core.simulation.frames.frames import FrameConfig
+from core.simulation.frames import FrameConfig
 
 CAMERAS = stereo_preset()
 SMALL = stereo_preset(sensor=SensorSize(320, 240))

@@ -9,10 +9,10 @@ from core.table import BALL_RADIUS_M, GRAVITY_MPS2, TABLE_LENGTH_M, TABLE_WIDTH_
 from core.trajectory.ball_kernel import HIGHER, STATE, glide
 from core.trajectory.bounce_question import LONGEST_S, SIGMAS, BounceQuestion, TableTouch, coming_contact
 from core.trajectory.filter_kernel import ProcessNoise, bounce_estimate, move
+from core.trajectory.observation import GATE, PointObservation
 
 STILL = ProcessNoise(lift=0.0, air=0.0, bounce_mps=0.0, ahead_m=0.0, ahead_s=1e9)
 NOISE = 1e-6 * np.eye(3)
-GATE = 40.0
 
 
 def falling(x: float = 0.0, y: float = 0.0, height: float = 0.0051, higher: float = 0.0) -> np.ndarray:
@@ -105,7 +105,7 @@ def test_the_first_clear_points_decide_and_the_estimate_is_the_flight_that_they_
     for k in range(1, 20):
         t_s = in_s + 1e-3 * k
         p = truth(x, t_s, bounces)
-        answers.append(asked.add(1000 + round(1e6 * t_s), p, NOISE, np.ones(3), GATE))
+        answers.append(asked.add(1000 + round(1e6 * t_s), PointObservation(p, NOISE), np.ones(3)))
         if answers[-1] is not None:
             break
     assert answers[-1] == bounces and 1 <= len(answers) <= 3, "two flights part by 4 mm in a millisecond"
@@ -118,7 +118,7 @@ def test_the_first_clear_points_decide_and_the_estimate_is_the_flight_that_they_
 @pytest.mark.parametrize(("rising_mps", "is_known"), [(0.15, True), (0.09, False)])
 def test_a_ball_that_hardly_rises_left_the_table_when_it_was_expected_to(rising_mps: float, is_known: bool) -> None:
     asked, in_s = question(falling())
-    asked.add(1000 + round(1e6 * in_s) + 9000, np.zeros(3), NOISE, np.ones(3), GATE)
+    asked.add(1000 + round(1e6 * in_s) + 9000, PointObservation(np.zeros(3), NOISE), np.ones(3))
     x = asked.off[0]
     x[2], x[5] = BALL_RADIUS_M + 0.001, rising_mps
     left_mps = math.sqrt(rising_mps**2 + 2 * GRAVITY_MPS2 * 0.001)
@@ -136,7 +136,7 @@ def test_each_point_adds_the_likelihood_of_the_one_flight_and_takes_that_of_the_
     move(*off, 300e-6, STILL)
     move(*past, (t_us - 1000) * 1e-6, STILL)
     p = off[0][:3] + np.array([0.0005, 0.0, -0.0005])
-    asked.add(t_us, p, NOISE, np.ones(3), GATE)
+    asked.add(t_us, PointObservation(p, NOISE), np.ones(3))
     gain = 0.0
     for sign, (state, cov) in ((1, off), (-1, past)):
         S, miss = cov[:3, :3] + NOISE, p - state[:3]
@@ -151,7 +151,11 @@ def test_points_that_cannot_tell_are_decided_by_the_odds_after_five() -> None:
         asked, in_s = question(x, spread(0.002, 0.0))
         blurred = 1e6 * np.eye(3)
         answers = [
-            asked.add(1000 + round(1e6 * in_s) + 100 * k, truth(x, in_s + 1e-4 * k, True), blurred, np.ones(3), GATE)
+            asked.add(
+                1000 + round(1e6 * in_s) + 100 * k,
+                PointObservation(truth(x, in_s + 1e-4 * k, True), blurred),
+                np.ones(3),
+            )
             for k in range(1, 6)
         ]
         assert answers == [None] * 4 + [bounces]
@@ -163,9 +167,9 @@ def test_nothing_is_taken_while_the_bounce_may_be_going_on_or_is_guarded() -> No
     quiet_us = 1000 + round(1e6 * in_s) + 3000 + 2000
     kept = asked._odds
     for t_us in (1000 + round(1e6 * in_s) - 500, 1000 + round(1e6 * in_s) + 500, quiet_us - 1):
-        assert asked.add(t_us, np.array([9.0, 9.0, 9.0]), NOISE, np.ones(3), GATE) is None
+        assert asked.add(t_us, PointObservation(np.array([9.0, 9.0, 9.0]), NOISE), np.ones(3)) is None
         assert asked._odds == kept
-    asked.add(quiet_us, truth(x, (quiet_us - 1000) * 1e-6, True), NOISE, np.ones(3), GATE)
+    asked.add(quiet_us, PointObservation(truth(x, (quiet_us - 1000) * 1e-6, True), NOISE), np.ones(3))
     assert asked._odds > kept
 
 
@@ -173,10 +177,10 @@ def test_until_the_time_of_the_bounce_the_ball_flies_on_and_then_the_likelier_wa
     x = falling()
     asked, in_s = question(x, sigma_s=0.001)
     contact_us = 1000 + round(1e6 * in_s)
-    asked.add(contact_us - 100, np.zeros(3), NOISE, np.ones(3), GATE)
+    asked.add(contact_us - 100, PointObservation(np.zeros(3), NOISE), np.ones(3))
     assert asked.likelier[0][5] < 0
-    asked.add(contact_us, np.zeros(3), NOISE, np.ones(3), GATE)
+    asked.add(contact_us, PointObservation(np.zeros(3), NOISE), np.ones(3))
     assert asked.likelier[0][5] > 0, "over the middle of the table it bounces"
     beside, in_s = question(falling(y=2.0), sigma_s=0.001)
-    beside.add(1000 + round(1e6 * in_s) + 100, np.zeros(3), NOISE, np.ones(3), GATE)
+    beside.add(1000 + round(1e6 * in_s) + 100, PointObservation(np.zeros(3), NOISE), np.ones(3))
     assert beside.likelier[0][5] < 0

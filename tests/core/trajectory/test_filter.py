@@ -11,6 +11,7 @@ from core.trajectory import FilterConfig, FilterPredictor, filter_for
 from core.trajectory.ball_filter import TYPICAL, BallFilter
 from core.trajectory.ball_kernel import LIFT, TOUCHES, fly_and_bounce, touches
 from core.trajectory.filter_kernel import ProcessNoise, move
+from core.trajectory.observation import PointObservation
 
 START = np.array([1.2, 0.1, 0.30, -5.0, 0.2, 1.0, 20.0, -80.0, 40.0])
 REAL = np.array([REAL_DRAG.value, REAL_RESTITUTION.value, REAL_FRICTION.value, 0.0, 0.0])
@@ -240,7 +241,7 @@ def test_a_flight_is_as_likely_as_its_points_from_the_eighth_on() -> None:
         move(state, cov, round(1e6 * t) * 1e-6 - one.t_us * 1e-6, one.process_noise)
         S, miss = cov[:3, :3] + noise, p - state[:3]
         before = one.log_odds
-        one.take(round(1e6 * t), p, noise)
+        one.take(round(1e6 * t), PointObservation(p, noise))
         gained.append(one.log_odds - before)
         if len(gained) >= TYPICAL:
             likelihood = -0.5 * (miss @ np.linalg.solve(S, miss) + np.log(np.linalg.det(S)))
@@ -253,7 +254,8 @@ def test_points_that_do_not_fit_are_counted_until_one_does() -> None:
     one = BallFilter(FilterConfig(), 0, truth[0, :3], 1e-6 * np.eye(3), needs_tick=False, odds=1.0)
     strays = []
     for k in range(1, 30):
-        one.take(1000 * k, truth[k, :3] + (0.5 if k in (20, 21, 22, 25) else 0.0), 1e-6 * np.eye(3))
+        p = truth[k, :3] + (0.5 if k in (20, 21, 22, 25) else 0.0)
+        one.take(1000 * k, PointObservation(p, 1e-6 * np.eye(3)))
         strays.append(one.strays)
     assert strays[18:] == [0, 1, 2, 3, 0, 0, 1, 0, 0, 0, 0]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from core.errors import RecordingError
-from core.tuning.time_blocks import cut_blocks
+from core.tuning.objective import cut_blocks
 
 BALLS_US = np.arange(0, 1_000_000, 1000)
 

@@ -15,8 +15,7 @@ from core.jobs import JobBackend
 from core.metrics.grid_score import GridScore
 from core.recordings import Recording, open_recording
 from core.tuning import TuningConfig, choose_parameters, report_of, truth_objective, tune
-from core.tuning.objective import Cancelled, TruthObjective
-from core.tuning.split_score import WORST, SplitScore, figures_of
+from core.tuning.objective import WORST, Cancelled, SplitScore, TruthObjective, figures_of
 from core.tuning.tune import TuningProgress, TuningResult
 
 BAD = replace_setting(DetectorConfig(), ("geometry", "circularity_min"), 0.9)

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.labels.assistance import try_queue
-from benchmarks.labels.clips import MIDDLE_US, SENSOR, draw_clip
+from benchmarks.labels.assistance import MIDDLE_US, SENSOR, draw_clip, try_queue
 from core.cameras import Camera
 from core.detection import refined_config
 from core.events import Events

@@ -3,8 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.labels.assistance import try_snap
-from benchmarks.labels.clips import MIDDLE_US, SENSOR, Clip, draw_clip
+from benchmarks.labels.assistance import MIDDLE_US, SENSOR, Clip, draw_clip, try_snap
 from core.events import Events, SensorSize
 from core.simulation.sensor.sensor import SensorConfig
 from labels.assist.snap import snap

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from benchmarks.labels.assistance import FRAME_US, TrialServes, make_serves
-from benchmarks.labels.whole_flights import try_whole_flights
 from core.recordings import PixelTruth, open_recording
 from labels.assist import Proposals, propose, whole_flight
+from tests.labels.assist.whole_flight_trial import try_whole_flights
 
 SIGMA_PX = 0.3
 

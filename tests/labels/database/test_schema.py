@@ -60,7 +60,7 @@ def test_the_sqlite3_tool_reads_it(store_file: Path) -> None:
 
 
 def test_the_queries_of_the_page_on_labels_give_what_it_says(store_file: Path) -> None:
-    page = (Path(__file__).parents[3] / "docs" / "use" / "labels.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[3] / "docs" / "use" / "labels-in-depth.md").read_text(encoding="utf-8")
     queries = re.findall(r'^sqlite3 .*labels\.sqlite "(.*)"$', page, re.MULTILINE)
     with closing(sqlite3.connect(store_file)) as db:
         counts, history, table = (db.execute(query).fetchall() for query in queries)

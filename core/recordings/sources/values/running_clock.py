@@ -14,6 +14,8 @@ class RunningClock:
         """`length` is the value at which the counter begins again at 0."""
         self._length = length
         self._usual: int | None = None
+        self.wraps = 0
+        """How often the counter has begun again."""
 
     def unwrap(self, t: NDArray[np.int64]) -> NDArray[np.int64]:
         """The times as if the counter had more bits.
@@ -27,6 +29,8 @@ class RunningClock:
         epoch = 0 if self._usual is None else self._usual - before
         steps = np.diff(usual, prepend=before)
         half = self._length // 2
-        usual += epoch + self._length * np.cumsum((steps < -half).astype(np.int64) - (steps > half))
+        wraps = np.cumsum((steps < -half).astype(np.int64) - (steps > half))
+        self.wraps += max(0, int(wraps[-1]))
+        usual += epoch + self._length * wraps
         self._usual = int(usual[-1])
         return t + self._length * np.rint((usual - t) / self._length).astype(np.int64)

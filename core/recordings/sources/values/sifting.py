@@ -15,6 +15,10 @@ from core.jit import njit
 
 LOOK_AHEAD: Final = 64
 """Events that are asked whether a time is wrong or right."""
+FAR_AHEAD: Final = 4096
+"""Events that are asked whether a time that leaps for good comes back: a packet may have come twice or late."""
+_LEAP_US: Final = 1_000_000
+_MOST_FAR_LOOKS: Final = 20_000
 FEW: Final = 64
 """So many events at the very start may be left over from before a clock was set."""
 
@@ -22,7 +26,7 @@ GOOD, STRAY, OUTSIDE, DAMAGED = range(4)
 """What an event is: to be kept, of a wrong time, beside the sensor, or both."""
 RUNNING, BACK, AHEAD = range(3)
 """How a stream ended: not yet, or because its time jumps for good."""
-NOW, STARTED, KEPT, LATE, LATEST, WRAPS, EPOCH, END, MAX_X, MAX_Y = range(10)
+NOW, STARTED, KEPT, LATE, LATEST, WRAPS, EPOCH, END, MAX_X, MAX_Y, FAR_LOOKS, FIRST = range(12)
 """Places in the state of `sift`."""
 
 
@@ -52,7 +56,7 @@ class AddressBounds(NamedTuple):
 
 def start_sifting() -> np.ndarray:
     """The state in front of the first event."""
-    return np.zeros(10, np.int64)
+    return np.zeros(12, np.int64)
 
 
 @njit
@@ -72,6 +76,30 @@ def _votes(t, i, epoch, now, here, bounds):
 
 
 @njit
+def _comes_back(t, i, state, here, bounds):
+    """Whether the time `here` of event `i` begins a packet of wrong times: of the last 64 of the next 4096 events most
+    go on from the time before it.
+
+    A clock that was set to its beginning may reach that time, too, but step by step.
+    """
+    now, epoch = state[NOW], state[EPOCH]
+    end = min(i + 1 + FAR_AHEAD, len(t))
+    start = max(i + 1, end - LOOK_AHEAD)
+    latest = here - bounds.jitter if here > now else now + bounds.longest
+    on = 0
+    for j in range(start, end):
+        on += now - bounds.jitter <= t[j] + epoch <= latest
+    if 2 * on <= end - start:
+        return False
+    if here > now or here - state[FIRST] > (now - here) // 8:
+        return True
+    for j in range(i + 1, end):
+        if t[j] + epoch >= now - bounds.jitter:
+            return t[j] - t[j - 1] >= (now - here) // 2
+    return False
+
+
+@njit
 def _wrap(now, raw, epoch, lengths):
     """The length of the clock that has begun again between `now` and the raw time; 0 if none has."""
     for length in lengths:
@@ -83,16 +111,25 @@ def _wrap(now, raw, epoch, lengths):
 
 
 @njit
-def _judge_step(t, i, epoch, now, bounds):
+def _judge_step(t, i, state, bounds):
     """Whether a step of more than the jitter is right, what it ends (RUNNING, BACK, AHEAD), and the clock's length."""
+    epoch, now = state[EPOCH], state[NOW]
     here = t[i] + epoch
     on, off = _votes(t, i, epoch, now, here, bounds)
+    wrapped = np.int64(0)
     if here > now:
         good = on < off or (on == 0 and here - now <= bounds.longest)
-        return good, AHEAD if good and here - now > bounds.longest else RUNNING, np.int64(0)
-    wrapped = _wrap(now, t[i], epoch, bounds.lengths)
-    good = off > on or (wrapped > 0 and on == 0)
-    return good, BACK if good and wrapped == 0 else RUNNING, wrapped
+        end = AHEAD if good and here - now > bounds.longest else RUNNING
+    else:
+        wrapped = _wrap(now, t[i], epoch, bounds.lengths)
+        good = off > on or (wrapped > 0 and on == 0)
+        end = BACK if good and wrapped == 0 else RUNNING
+    leaps = end != RUNNING or (good and here - now > _LEAP_US)
+    if leaps and state[FAR_LOOKS] < _MOST_FAR_LOOKS:
+        state[FAR_LOOKS] += 1
+        if _comes_back(t, i, state, here, bounds):
+            return False, RUNNING, np.int64(0)
+    return good, end, wrapped
 
 
 @njit
@@ -110,7 +147,8 @@ def sift(rows, ready, bounds, state):
         outside = x[i] < 0 or y[i] < 0 or x[i] >= bounds.width or y[i] >= bounds.height
         good, end, wrapped = True, RUNNING, np.int64(0)
         if state[STARTED] and abs(here - now) > bounds.jitter:
-            good, end, wrapped = _judge_step(t, i, state[EPOCH], now, bounds)
+            state[NOW] = now
+            good, end, wrapped = _judge_step(t, i, state, bounds)
         if outside or not good:
             kind[i] = STRAY if not outside else OUTSIDE if good else DAMAGED
             if kind[i] == OUTSIDE:
@@ -122,7 +160,7 @@ def sift(rows, ready, bounds, state):
                 return i
             for j in range(i):  # what stands before is left over from before the clock was set
                 kind[j] = STRAY if kind[j] == GOOD else kind[j]
-            state[KEPT] = 0
+            state[KEPT] = state[STARTED] = 0
         if wrapped:
             state[EPOCH] += wrapped
             state[WRAPS] += 1
@@ -134,6 +172,8 @@ def sift(rows, ready, bounds, state):
             state[LATEST] = max(state[LATEST], now - here)
             t[i] = now if bounds.hold else here
             continue
+        if not state[STARTED]:
+            state[FIRST] = here
         state[STARTED] = 1
         now = here
         t[i] = here

@@ -20,12 +20,26 @@ _PAIR: Final = re.compile(
 _BOTH: Final = re.compile(r"\b(width|height)\W{1,4}(?:width|height)\W{1,5}(\d+)\s*[x×,;*\s]\s*(\d+)", re.IGNORECASE)
 """Names first and numbers after: `height, width = 720, 1280`."""
 _SIDES: Final = tuple(
-    re.compile(rf"(?:\b|_){side}(?:_px)?\W{{0,4}}(\d+)", re.IGNORECASE) for side in ("width", "height")
+    re.compile(rf"(?:\b|_)(?:{side})(?:_px)?\W{{0,4}}(\d+)", re.IGNORECASE)
+    for side in ("width|w(?==)|sizeX", "height|h(?==)|sizeY")
 )
-_WIDTHS: Final = ("width", "sensor_width", "width_px", "image_width", "sensor_width_px", "img_width", "frame_width")
-_PAIRS: Final = ("geometry", "resolution", "sensor_size", "image_size", "frame_size")
+_ALONE: Final = re.compile(r"^\W*(\d+)(?:\s*[x×*]\s*|[\s,;]+)(\d+)\W*$", re.MULTILINE)
+"""A line of two numbers."""
+_SIDE_NAMES: Final = (
+    ("width", "height"),
+    *((f"{what}width", f"{what}height") for what in ("sensor", "image", "img", "frame", "camera")),
+    ("widthpx", "heightpx"),
+    ("sensorwidthpx", "sensorheightpx"),
+    ("sizex", "sizey"),
+    ("xresolution", "yresolution"),
+    ("resolutionx", "resolutiony"),
+    ("numcols", "numrows"),
+    ("cols", "rows"),
+    ("w", "h"),
+)
+_PAIRS: Final = ("geometry", "resolution", "sensorsize", "sensorsizepx", "imagesize", "framesize", "cameraresolution")
 """Attributes that list the width first."""
-_UPRIGHT: Final = ("sensor_resolution", "size", "shape", "imsize", "im_size", "img_size", "hw", "dims")
+_UPRIGHT: Final = ("sensorresolution", "size", "shape", "imsize", "imgsize", "hw", "dims", "imgshape", "frameshape")
 """Attributes that list the height first or the width: no convention holds."""
 
 
@@ -46,7 +60,10 @@ def size_in_text(lines: Iterable[str]) -> SensorSize | None:
         first, a, b = pair.groups()
         return size_of(b, a) if first and first.lower().startswith("h") else size_of(a, b)
     sides = [side.search(text) for side in _SIDES]
-    return size_of(*(found.group(1) for found in sides if found)) if all(sides) else None
+    if all(sides):
+        return size_of(*(found.group(1) for found in sides if found))
+    alone = _ALONE.search(text)
+    return None if alone is None else size_of(*alone.groups())
 
 
 def size_in_attributes(attributes: Mapping[str, object], largest: tuple[int, int] | None = None) -> SensorSize | None:
@@ -54,14 +71,10 @@ def size_in_attributes(attributes: Mapping[str, object], largest: tuple[int, int
 
     `sensor_resolution` is (height, width) or (width, height); `largest`, the largest column and row, tells which.
     """
-    words = {str(name).lower(): _word(value) for name, value in attributes.items()}
-    for name in _WIDTHS:
-        if name in words and name.replace("width", "height") in words:
-            found = size_of(words[name], words[name.replace("width", "height")])
-            if found is not None:
-                return found
-    if (found := size_of(words.get("w"), words.get("h"))) is not None:
-        return found
+    words = {re.sub(r"[\W_]", "", str(name).lower()): _word(value) for name, value in attributes.items()}
+    for width, height in _SIDE_NAMES:
+        if (found := size_of(words.get(width), words.get(height))) is not None:
+            return found
     for name in _PAIRS:
         numbers = re.findall(r"\d+", words.get(name, ""))
         if len(numbers) >= 2 and (found := size_of(*numbers[:2])) is not None:

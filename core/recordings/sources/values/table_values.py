@@ -17,6 +17,7 @@ from core.errors import RecordingError
 from core.recordings.layout import MAX_TIME_US
 from core.recordings.sources.source import POLARITY, TIME_UNIT, Columns, DecodeReport, Fact, RawColumns, Stated, Whence
 from core.recordings.sources.table_columns import addresses_from_column, has_fractions
+from core.recordings.sources.values.assumed_sizes import AddressCounts
 
 UNITS_US: Final = {"ns": 1e-3, "us": 1.0, "ms": 1e3, "s": 1e6}
 """Unit of time -> microseconds."""
@@ -32,11 +33,9 @@ _MANY_ROWS: Final = 1000
 _MAX_VALUES: Final = 1000
 _ODD_SHARE: Final = 0.01
 _FEW_ODD: Final = 3
-_LARGEST_PX: Final = 4096
-"""No event camera has more columns or rows; a few addresses beyond are odd rows, no size."""
 _WORDS: Final = {
-    "true": True, "on": True, "pos": True, "positive": True, "+": True, "+1": True, "up": True, "t": True,
-    "false": False, "off": False, "neg": False, "negative": False, "-": False, "down": False, "f": False,
+    "true": True, "on": True, "pos": True, "positive": True, "+": True, "up": True, "t": True, "p": True,
+    "false": False, "off": False, "neg": False, "negative": False, "-": False, "down": False, "f": False, "n": False,
 }  # fmt: skip
 _NUMBERS: Final[tuple[dict[float, bool], ...]] = (
     {0.0: False, 1.0: True},
@@ -49,54 +48,83 @@ _NUMBERS: Final[tuple[dict[float, bool], ...]] = (
 
 @dataclass(slots=True)
 class Survey:
-    """What all rows of a table have in common."""
+    """What the rows of a table have in common; a few odd ones among them do not change it."""
 
     rows: int = 0
     polarities: dict[str | float, int] = field(default_factory=dict)
     """Value -> how often."""
-    whole: bool = True
-    thousands: bool = True
-    """Whether all times are multiples of 1000."""
-    thousandths: bool = True
-    """Whether all times are multiples of 0.001."""
-    first_t: float = 0.0
+    fractions: int = 0
+    """Times that are no whole numbers."""
+    no_thousands: int = 0
+    """Times that are no multiples of 1000."""
+    no_thousandths: int = 0
+    """Times that are no multiples of 0.001."""
     low_t: float = np.inf
     high_t: float = -np.inf
+    steps_t: float = 0.0
+    """Sum of the steps from row to row but for the largest: pauses, strays, and clocks that begin again."""
     between_pixels: bool = False
     """Whether there are addresses with fractions, as of undistorted events."""
-    largest: tuple[int, int] = (0, 0)
-    """Column and row, of those that a sensor can have."""
+    addresses: AddressCounts = field(default_factory=AddressCounts)
+
+    @property
+    def whole(self) -> bool:
+        """Whether the times are whole numbers."""
+        return self._is_few(self.fractions)
+
+    @property
+    def thousands(self) -> bool:
+        """Whether the times are multiples of 1000."""
+        return self._is_few(self.no_thousands)
+
+    @property
+    def thousandths(self) -> bool:
+        """Whether the times are multiples of 0.001."""
+        return self._is_few(self.no_thousandths)
+
+    @property
+    def span_t(self) -> float:
+        """How long the events take, in the unit of their times."""
+        return max(0.0, min(self.high_t - self.low_t, self.steps_t)) if self.rows else 0.0
+
+    def _is_few(self, count: int) -> bool:
+        return count <= min(max(_FEW_ODD, _ODD_SHARE * self.rows), self.rows // 4)
 
     def add(self, part: RawColumns) -> None:
         """Take in some rows."""
         if not len(part.t):
             return
-        self.first_t = self.first_t if self.rows else float(part.t[0])
         self.rows += len(part.t)
-        if part.t.dtype.kind == "f":
-            finite = part.t[np.isfinite(part.t)]
-            self.whole &= bool((finite == np.floor(finite)).all())
-        else:
-            finite = part.t
-        if len(finite):
-            self.low_t, self.high_t = min(self.low_t, float(finite.min())), max(self.high_t, float(finite.max()))
-            self.thousands = self.thousands and self.whole and bool((finite % 1000 == 0).all())
-            self.thousandths = self.thousandths and (self.whole or _are_thousandths(finite))
+        finite = part.t[np.isfinite(part.t)] if part.t.dtype.kind == "f" else part.t
+        self._add_times(finite)
         values, counts = np.unique(part.p, return_counts=True)
         for value, count in zip(values.tolist()[:_MAX_VALUES], counts.tolist(), strict=False):
             key = value.decode("latin-1") if isinstance(value, bytes) else value
-            key = key.strip().lower() if isinstance(key, str) else float(key)
+            key = _key(key) if isinstance(key, str) else float(key)
             self.polarities[key] = self.polarities.get(key, 0) + count
         self.between_pixels |= has_fractions(part.x) or has_fractions(part.y)
-        sides = (addresses_from_column(column) for column in (part.x, part.y))
-        largest = (int(side[side < _LARGEST_PX].max(initial=0)) for side in sides)
-        self.largest = tuple(map(max, self.largest, largest))  # pyright: ignore[reportAttributeAccessIssue] - two of them
+        self.addresses.add(addresses_from_column(part.x), addresses_from_column(part.y))
+
+    def _add_times(self, t: NDArray) -> None:
+        count = len(t)
+        if not count:
+            return
+        odd = min(max(_FEW_ODD, count // 200), (count - 1) // 4)  # times that may lie apart from the others
+        low, high = np.partition(t, (odd, count - 1 - odd))[[odd, count - 1 - odd]]
+        self.low_t, self.high_t = min(self.low_t, float(low)), max(self.high_t, float(high))
+        if count > 1:
+            steps = np.abs(np.diff(t.astype(np.float64)))
+            self.steps_t += float(np.partition(steps, count - 2 - odd)[: count - 1 - odd].sum())
+        whole = t == np.floor(t) if t.dtype.kind == "f" else np.ones(count, np.bool_)
+        self.fractions += count - int(np.count_nonzero(whole))
+        self.no_thousands += int(np.count_nonzero(t % 1000 != 0))
+        self.no_thousandths += 0 if whole.all() else int(np.count_nonzero(~_are_thousandths(t)))
 
 
-def _are_thousandths(t: NDArray) -> bool:
+def _are_thousandths(t: NDArray) -> NDArray[np.bool_]:
     with np.errstate(over="ignore", invalid="ignore"):  # damage
         steps = 1e3 * t.astype(np.float64)
-        return bool((np.abs(steps - np.rint(steps)) < 1e-3).all())
+        return np.abs(steps - np.rint(steps)) < 1e-3
 
 
 def survey(parts: Iterable[RawColumns]) -> Survey:
@@ -123,8 +151,9 @@ class Meaning:
         """The rows in microseconds and polarities, and how many were left out because their values are odd."""
         on, known = _polarity_column(part.p, self.on)
         t = part.t
-        if t.dtype.kind == "f":
-            known &= np.abs(np.where(np.isfinite(t), t, np.inf)) < 2**62 / UNITS_US[self.unit]
+        longest = 2**62 / max(1.0, UNITS_US[self.unit])
+        with np.errstate(invalid="ignore"):  # what is no number is not less than anything
+            known &= (t < longest) & (t > -longest)
         odd = len(t) - int(np.count_nonzero(known))
         x, y = addresses_from_column(part.x), addresses_from_column(part.y)
         if odd:
@@ -164,8 +193,10 @@ def _unit(seen: Survey, hint: str | None, unit_from: Whence, report: DecodeRepor
         report.facts[TIME_UNIT] = Fact(UNIT_NAMES[unit], whence)
         if stated is not None and hint not in (None, stated):
             report.assume(f"{where}: its times are read as {UNIT_NAMES[unit]} (--time-unit), though it says {hint}.")
+        elif hint is not None:
+            _check_stated_unit(seen, hint, report, where)
         return unit
-    span = seen.high_t - seen.low_t
+    span = seen.span_t
     epoch = next((unit for unit, low, high in _EPOCHS if low <= seen.low_t and seen.high_t < high), None)
     if epoch is not None and not (epoch == "s" and seen.whole) and not (epoch == "ms" and _us_is_likelier(seen)):
         unit, why = epoch, "they count from 1970"
@@ -209,9 +240,33 @@ def _unit(seen: Survey, hint: str | None, unit_from: Whence, report: DecodeRepor
     return unit
 
 
+def _check_stated_unit(seen: Survey, unit: str, report: DecodeReport, where: str) -> None:
+    """Hold the unit that a file states against its times.
+
+    Raises:
+        RecordingError: if the file would last days.
+    """
+    span_us = seen.span_t * UNITS_US[unit]
+    if span_us > MAX_TIME_US:
+        raise RecordingError(
+            f"the times cannot be {UNIT_NAMES[unit]}, which the file states",
+            expected="less than a day",
+            got=f"{seen.rows:,} events in {span_us / 1e6:,.0f} s",
+            where=where,
+            remedy="give --time-unit with the right one",
+        )
+    if seen.rows > _FEW_ODD and span_us > _LONG_US and seen.rows < _SLOW_HZ * span_us / 1e6:
+        text = f"only {1e6 * seen.rows / span_us:.1f} events/s over {span_us / 1e6:,.0f} s"
+    elif seen.rows > _MANY_ROWS and 0 < span_us < _SHORT_US:
+        text = f"all {seen.rows:,} events lie within {span_us / 1e3:g} ms"
+    else:
+        return
+    report.notes.append(f"{where}: if its times are {UNIT_NAMES[unit]}, as it states, {text}; see --time-unit.")
+
+
 def _us_is_likelier(seen: Survey) -> bool:
     """Whether whole numbers that could be milliseconds since 1970 are finer than milliseconds of a camera are."""
-    return seen.whole and seen.high_t - seen.low_t > 4 * seen.rows
+    return seen.whole and seen.span_t > 4 * seen.rows
 
 
 def _polarity(seen: Survey, stated: Stated, report: DecodeReport, where: str) -> Mapping[str | float, bool]:
@@ -263,10 +318,11 @@ def _polarity_column(p: NDArray, on: Mapping[str | float, bool]) -> tuple[NDArra
     """Which rows are ON, and which have one of the known values."""
     if p.dtype.kind == "b":
         return p, np.ones(len(p), np.bool_)
-    if p.dtype.kind in "SU":
-        words = np.char.lower(np.char.strip(p.astype(str)))
-        values, places = np.unique(words, return_inverse=True)
-        table = np.array([on.get(str(value), None) for value in values], object)
+    if p.dtype.kind in "SUO":
+        text = p.astype(object) if p.dtype.kind == "O" else p
+        words = [word.decode("latin-1") if isinstance(word, bytes) else word for word in text.tolist()]
+        values, places = np.unique(np.array(words, str), return_inverse=True)
+        table = np.array([on.get(_key(str(value))) for value in values], object)
         known = np.array([item is not None for item in table], np.bool_)
         return np.array([bool(item) for item in table], np.bool_)[places], known[places]
     is_on, known = np.zeros(len(p), np.bool_), np.zeros(len(p), np.bool_)
@@ -281,10 +337,11 @@ def _polarity_column(p: NDArray, on: Mapping[str | float, bool]) -> tuple[NDArra
 
 
 def _key(word: str) -> str | float:
+    """A polarity that is written as text: a number if it is one."""
     try:
         return float(word)
     except ValueError:
-        return word.strip().lower()
+        return word.strip().strip("\"'").lower()
 
 
 def _shown(value: str | float) -> str:

@@ -7,9 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
-from app.export.events.csv_tables import export_csv
-from app.export.events.dsec import export_dsec
-from app.export.events.evt3 import export_evt3
+from app.export.events import export_csv, export_dsec, export_evt3
 from app.export.selection import Span
 from app.export.unfinished import ExportCancelledError
 from core.errors import CommandError

@@ -29,7 +29,7 @@ def viewer(saved: Path) -> Iterator[tuple[str, subprocess.Popen]]:
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     process = subprocess.Popen(command, start_new_session=True, **quiet)
     try:
-        until_s = time.monotonic() + 60
+        until_s = time.monotonic() + 300
         while not is_open(port):
             assert time.monotonic() < until_s and process.poll() is None, "the viewer did not start"
             time.sleep(0.1)
@@ -42,13 +42,13 @@ def end(process: subprocess.Popen) -> None:
     """With its own child: `python -m rerun` starts the viewer as one."""
     if process.poll() is None:
         os.killpg(process.pid, 15)
-    process.wait(30)
+    process.wait(300)
 
 
 def entities(path: Path) -> set[str]:
     """Of the rally; not those of the views, which are made anew each time."""
     command = [sys.executable, "-m", "rerun", "rrd", "stats", str(path)]
-    section = subprocess.run(command, capture_output=True, text=True, timeout=120).stdout.partition(
+    section = subprocess.run(command, capture_output=True, text=True, timeout=300).stdout.partition(
         "Num chunks per entity"
     )[2]
     found = {line.partition(":")[0].strip("/") for line in section.splitlines() if line.startswith("/")}

@@ -12,10 +12,9 @@ import rerun as rr
 from PIL import Image
 
 from app.cli import main
-from app.export.rrd.camera_picture import EventStage, PictureJob, make_picture
+from app.export.rrd.camera import EventStage, PictureJob, make_picture
 from app.export.rrd.recording import RrdContents, export_rrd
-from app.export.selection import Span, span_of
-from app.export.small_png import polarity_png
+from app.export.selection import Span, polarity_png, span_of
 from app.export.steps import ChainFollower
 from app.export.unfinished import ExportCancelledError
 from app.pictures.palette import palette
@@ -40,7 +39,7 @@ def _strict():
 
 
 def rerun(*words: str) -> str:
-    done = subprocess.run([sys.executable, "-m", "rerun", "rrd", *words], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([sys.executable, "-m", "rerun", "rrd", *words], capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     assert "WARN" not in done.stderr and "ERROR" not in done.stderr
     return done.stdout + done.stderr

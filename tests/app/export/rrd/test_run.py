@@ -74,5 +74,5 @@ def test_a_moving_mean_is_over_what_is_known() -> None:
 
 def _rerun(*words) -> str:
     command = [sys.executable, "-m", "rerun", "rrd", *map(str, words)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
     return done.stdout + done.stderr

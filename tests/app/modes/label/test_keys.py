@@ -9,7 +9,7 @@ import pytest
 
 from app.modes.label.editor import LabelEditor
 from app.modes.label.keys import KEYS, HeldKeys, label_keys_html
-from app.modes.label.labelling import Labelling
+from app.modes.label.labelling import DEFAULT_STEP_US, Labelling
 from app.modes.label.mode import LabelMode
 from app.panels.keys import KEYS as OTHER_KEYS
 from app.server import App
@@ -50,6 +50,7 @@ class Hand:
         self.wait(lambda: mode._editor is not None)
         session.later(lambda: mode._use_name("hand"))
         self.wait(lambda: self.work.view.annotator == "hand" and self.work.on_screen and "right" in self.work.saved)
+        self.wait(lambda: self.work.step_us == DEFAULT_STEP_US)  # of Label, once the session has taken it over
 
     @property
     def editor(self) -> LabelEditor:

@@ -22,7 +22,7 @@ from app.modes.train.maps import (
     map_words,
 )
 from app.modes.train.view import RunsViewer, ViewRequest
-from app.scene.landing import TARGET_RGB
+from app.scene.prediction import TARGET_RGB
 from app.shared.trainer import Trainer
 from app.shared.training_records import MetricsStore
 from app.shared.workspace import Workspace

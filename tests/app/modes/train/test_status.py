@@ -16,7 +16,7 @@ from app.modes.train.status import (
     time_text,
 )
 from app.modes.train.view import RunsViewer, ViewRequest
-from app.scene.landing import CASE_NAMES
+from app.scene.prediction import CASE_NAMES
 from app.shared.trainer import Ended, RunState, Trainer, judge_run
 from app.shared.training_records import MetricsStore
 from app.shared.workspace import Workspace

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from app.modes.train.training_scene import BallOrder, RallyPlayer, RallyRequest, make_replay
-from app.shared.policies import run_choices
+from app.shared.rallies import run_choices
 from app.shared.workspace import Workspace
 from core.learning.runs.run_files import read_lines, read_run, seed_files
 

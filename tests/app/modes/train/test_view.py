@@ -23,7 +23,7 @@ from app.modes.train.plan_view import (
 )
 from app.modes.train.side_panel import _curve_series, chart_columns
 from app.modes.train.view import COMPARED, RunsViewer, ViewRequest, chosen_run, compared_runs, make_details
-from app.scene.landing import CASE_RGB
+from app.scene.prediction import CASE_RGB
 from app.shared.trainer import Trainer
 from app.shared.training_records import MetricsStore
 from app.shared.workspace import Workspace

@@ -5,9 +5,7 @@ from dataclasses import replace
 import pytest
 
 from app.modes.watch.commands import EnlargeCamera, EnlargeNextCamera, EnlargePicture, ShowSpace
-from app.state.client_state import ClientState, Configs
-from app.state.playback import Playhead
-from app.state.undo import History
+from app.state.client_state import ClientState, Configs, History, Playhead
 from core.detection import DetectorConfig
 
 
@@ -45,6 +43,13 @@ def test_a_double_click_enlarges_a_camera_and_one_anywhere_else_gives_the_scene_
     assert EnlargePicture("left").apply(large, 0.0).watch.large == "left"
     assert EnlargePicture("right").apply(large, 0.0) == EnlargePicture("").apply(large, 0.0) == state
     assert EnlargePicture("").apply(state, 0.0) == state
+
+
+def test_a_mark_before_the_name_in_a_caption_is_no_part_of_it(state) -> None:
+    assert EnlargePicture("● right").apply(state, 0.0).watch.large == "right"
+    assert EnlargePicture("● nobody").apply(state, 0.0) == EnlargePicture("● ").apply(state, 0.0) == state
+    spaced = replace(state, cameras=("a b", "b"))
+    assert EnlargePicture("a b").apply(spaced, 0.0).watch.large == "a b"
 
 
 @pytest.mark.parametrize("said", ["../x", None, 3, ["left"], {"left": 1}])

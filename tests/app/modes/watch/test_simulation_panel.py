@@ -1,7 +1,7 @@
 """The table of returned balls."""
 
 from app.modes.watch.simulation_panel import returned_html
-from core.history.return_counts import BallConditions, ReturnRate
+from core.history.seen_outcomes import BallConditions, ReturnRate
 
 
 def test_a_row_says_how_many_of_how_many_with_the_interval() -> None:

@@ -22,10 +22,8 @@ from app.modes.watch.sweep import (
     search_board,
     swept_html,
 )
-from app.state.client_state import ClientState, Configs, RenderSettings
-from app.state.playback import Playhead
+from app.state.client_state import ClientState, Configs, History, Playhead, RenderSettings
 from app.state.swept_cells import CELL_COUNT, PAIR_ENOUGH, BoardGuide, SweptCells
-from app.state.undo import History
 from app.views.requests import WatchRequest, render_watch
 from core.cameras.calibration import Board, find_board
 from core.cameras.calibration.coverage import cell_box, cells_of, coverage

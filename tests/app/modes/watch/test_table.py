@@ -16,10 +16,8 @@ from app.modes.watch.table import (
 )
 from app.pictures.canvas import Canvas, Region
 from app.pictures.palette import PaletteIndex
-from app.state.client_state import ClientState, Configs
-from app.state.playback import Playhead
-from app.state.table_clicks import CORNER_NAMES, TableClicks
-from app.state.undo import History
+from app.state.client_state import ClientState, Configs, History, Playhead
+from app.state.swept_cells import CORNER_NAMES, TableClicks
 from app.views.requests import draw_table_clicks
 from core.cameras import stereo_preset
 from core.cameras.calibration.table_corners import CORNERS

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from app.cli.main import main
-from benchmarks.perception.plan import METHODS
+from benchmarks.perception.results import METHODS
 from core.cameras import stereo_preset
 from core.metrics.grid_score import askable
 from core.recordings import open_recording

@@ -10,13 +10,15 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.calibration.bench_rig import (
     MULTIVIEW,
+    BallSwing,
+    click_corners,
     held_out,
     multiview_rows,
     pose_errors,
     ring,
+    seen_by,
     simulated_row,
 )
-from benchmarks.calibration.swept_ball import BallSwing, click_corners, seen_by
 from core.cameras import Camera
 from core.cameras.calibration import Board
 from core.cameras.calibration.body_bundle import ManyRig

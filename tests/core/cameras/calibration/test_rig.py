@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.calibration.swept_ball import BallSwing, click_corners, seen_by
+from benchmarks.calibration.bench_rig import BallSwing, click_corners, seen_by
 from core.cameras import Camera, stereo_preset
 from core.cameras.calibration.point_track import PointTrack
 from core.cameras.calibration.rig import RigConfig, calibrate_rig
@@ -13,8 +13,7 @@ from core.cameras.calibration.scale import Scale
 from core.cameras.calibration.table_corners import Clicks
 from core.errors import CalibrationError
 from core.geometry import invert_transform, look_at
-from core.simulation.flights.flight_series import draw_serve_series
-from core.simulation.flights.serve import LaunchConfig
+from core.simulation.flights import LaunchConfig, draw_serve_series
 
 CAMERAS = stereo_preset("side")
 LENSES = {name: replace(camera, T_world_camera=np.eye(4)) for name, camera in CAMERAS.items()}

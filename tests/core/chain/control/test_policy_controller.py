@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.rally.closed_loop import ClosedLoop
 from core.cameras import stereo_preset
 from core.chain.control.policy_controller import PolicyController, load_controller
 from core.errors import ConfigError
 from core.learning import RunConfig, create_run
 from core.learning.agents.policy import Policy, save_policy
 from core.learning.runs.run_files import seed_files
-from core.live.worlds.closed_loop import ClosedLoop
 from core.live.worlds.world import WorldConfig
 from core.physics import TaskConfig, physics_profile
 from core.physics.episode import strokes_from_actions

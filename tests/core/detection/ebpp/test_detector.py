@@ -8,7 +8,7 @@ import pytest
 from core.cameras import stereo_preset
 from core.config import replace_setting
 from core.detection import Detection, ebpp_config, make_detector
-from core.detection.ebpp.detector import EbppDetector
+from core.detection.ebpp import EbppDetector
 from core.detection.ebpp_config import EbppConfig
 from core.events import Events, SensorSize, Window
 from core.metrics.grid_score import score_on_grid

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from core.detection.ebpp.detector import find_circles
+from core.detection.ebpp import find_circles
 from core.detection.ebpp_config import EbppConfig
 from core.detection.stages.roi import Roi
 

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from benchmarks.detection.exactness import compare_labels
 from core.detection.fast.cluster import grid_labels
 from core.detection.stages.cluster import ClusterConfig, cluster_labels
 from core.events import Events, SensorSize
+from tests.core.detection.fast.exactness import compare_labels
 
 
 def test_labels_are_array_equal_to_scikit_learns_on_random_sets() -> None:

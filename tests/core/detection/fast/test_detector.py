@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from benchmarks.detection.exactness import compare_detectors, compare_random
 from core.config import replace_setting
 from core.detection import (
     FastDetector,
@@ -12,6 +11,7 @@ from core.detection import (
     trace_window,
 )
 from core.events import SensorSize
+from tests.core.detection.fast.exactness import compare_detectors, compare_random
 
 
 def with_all_stages():

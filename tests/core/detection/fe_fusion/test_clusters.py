@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from core.detection.fast.cluster import allocate_clusters
-from core.detection.fe_fusion.detector import measure_clusters
+from core.detection.fe_fusion import measure_clusters
 from core.detection.stages.cluster import ClusterConfig, cluster_labels
 from core.events import Events, SensorSize
 

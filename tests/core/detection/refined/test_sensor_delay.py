@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.detection.drawn_scenes import draw_flight
+from benchmarks.detection.bench_drawn_scenes import draw_flight
 from core.cameras import stereo_preset
 from core.detection import RefinedDetection, make_detector
-from core.detection.refined.sensor_delay import FEWEST, estimate_delay
+from core.detection.refined.detector import FEWEST, estimate_delay
 from core.metrics.grid_score import image_velocity
 from core.metrics.run import run_detector
 from core.physics.config import physics_profile

@@ -5,8 +5,7 @@ import math
 import pytest
 import torch
 
-from core.detection.yolo.anchors import ANCHORS_PX, FIELDS, SCALE_XY
-from core.detection.yolo.boxes import decode_boxes, find_boxes, iou, keep_best, split_head
+from core.detection.yolo.boxes import ANCHORS_PX, FIELDS, SCALE_XY, decode_boxes, find_boxes, iou, keep_best, split_head
 
 
 def silent_heads(height: int = 384, width: int = 640) -> tuple[torch.Tensor, torch.Tensor]:

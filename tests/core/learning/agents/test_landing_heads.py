@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from core.learning.agents.landing_heads import (
+from core.learning.agents.landing_model import (
     GRIP,
     PUSH_MPS,
     RESTITUTION,

@@ -7,8 +7,7 @@ import pytest
 import torch
 
 from core.learning.agents.agent import StageProgress
-from core.learning.agents.landing_heads import Balls, FlightHead, FreeHead, ImpactHead
-from core.learning.agents.landing_model import LandingModelAgent, make_head
+from core.learning.agents.landing_model import Balls, FlightHead, FreeHead, ImpactHead, LandingModelAgent, make_head
 from core.learning.agents.networks import layers_of
 from core.learning.agents.replay import COLUMNS, ReplayBuffer
 from core.learning.config import LandingModelConfig, RunConfig

@@ -7,18 +7,19 @@ import pytest
 
 from core.errors import ConfigError
 from core.learning.agents.agent import StageProgress
-from core.learning.agents.feature_actor import FEATURES
-from core.learning.agents.gaussian_process_model import (
+from core.learning.agents.policy import read_policy, save_policy
+from core.learning.agents.process_agent import (
+    FEATURES,
     GaussianProcessModel,
+    ProcessAgent,
+    _process_of,
     landings_of,
     stroke_inputs,
     velocities_after,
 )
-from core.learning.agents.policy import read_policy, save_policy
-from core.learning.agents.process_agent import ProcessAgent, _process_of
 from core.learning.agents.replay import ReplayBuffer
 from core.learning.config import EnvironmentConfig, LandingModelConfig, RunConfig, default_run
-from core.learning.evaluation.episode_record import landing_errors_mm, really_seen, transition_of
+from core.learning.evaluation.policy_evaluator import landing_errors_mm, really_seen, transition_of
 from core.learning.runs.training import Training
 from core.learning.task.environment import ServeBatch, draw_serve_batch, evaluation_balls, play
 from core.learning.task.reward import Weights

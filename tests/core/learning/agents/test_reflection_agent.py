@@ -8,11 +8,10 @@ import pytest
 from core.errors import ConfigError
 from core.learning.agents.agent import StageProgress
 from core.learning.agents.policy import read_policy, save_policy
-from core.learning.agents.reflection_agent import ReflectionAgent, ReflectionModel
+from core.learning.agents.reflection_agent import FEWEST_BALLS, ReflectionAgent, ReflectionModel, StatePosterior
 from core.learning.agents.replay import ReplayBuffer
-from core.learning.agents.state_posterior import FEWEST_BALLS, StatePosterior
 from core.learning.config import EnvironmentConfig, LandingModelConfig, RunConfig, default_run, environment_profile
-from core.learning.evaluation.episode_record import landing_errors_mm
+from core.learning.evaluation.policy_evaluator import landing_errors_mm
 from core.learning.runs.training import Training
 from core.learning.task.environment import ServeBatch, draw_serve_batch, play, validation_balls
 from core.learning.task.reward import Weights

@@ -2,10 +2,15 @@ import numpy as np
 import pytest
 
 from core.learning.detector_training import crops
-from core.learning.detector_training.crops import draw_batch, draw_crop, other_light
-from core.learning.detector_training.pool import TrainingPictures
-from core.learning.detector_training.rooms import LabelledPictures
-from core.learning.detector_training.streaks import BallStreak, draw_streak, random_streak
+from core.learning.detector_training.crops import (
+    BallStreak,
+    draw_batch,
+    draw_crop,
+    draw_streak,
+    other_light,
+    random_streak,
+)
+from core.learning.detector_training.pool import LabelledPictures, TrainingPictures
 
 SIDE = 96
 

@@ -3,8 +3,8 @@ import math
 import pytest
 import torch
 
-from core.detection.yolo.anchors import ANCHORS_PX, FIELDS
-from core.learning.detector_training.loss import ciou, yolo_loss
+from core.detection.yolo.boxes import ANCHORS_PX, FIELDS
+from core.learning.detector_training.training import ciou, yolo_loss
 
 SURE = 9.0
 

@@ -7,8 +7,13 @@ import numpy as np
 import pytest
 
 from core.learning.config import EnvironmentConfig
-from core.learning.evaluation.policy_evaluator import PolicyEvaluator, PolicyScore, five_best_mm
-from core.learning.evaluation.trivial_policies import oracle_actions, score_trivial_policies
+from core.learning.evaluation.policy_evaluator import (
+    PolicyEvaluator,
+    PolicyScore,
+    five_best_mm,
+    oracle_actions,
+    score_trivial_policies,
+)
 from core.learning.runs.summary import spread_of, summarise_scores
 
 TRUTH = EnvironmentConfig(state_source="truth")

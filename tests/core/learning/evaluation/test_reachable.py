@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 
 from core.learning.config import environment_profile
+from core.learning.evaluation.policy_evaluator import oracle_actions
 from core.learning.evaluation.reachable import reachable, reachable_words
-from core.learning.evaluation.trivial_policies import oracle_actions
 from core.learning.task.environment import play, validation_balls
 
 REAL = environment_profile("real", state_source="truth")

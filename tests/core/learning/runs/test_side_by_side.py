@@ -58,7 +58,7 @@ def when(true: Callable[[], object], act: Callable[[], None]) -> threading.Threa
     """Do it in a thread as soon as that is so."""
 
     def wait() -> None:
-        until = time.monotonic() + 120
+        until = time.monotonic() + 300
         while not true():
             if time.monotonic() > until:
                 return

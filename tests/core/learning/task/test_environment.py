@@ -9,7 +9,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from core.learning.config import EnvironmentConfig, GoalConfig, environment_profile
-from core.learning.evaluation.episode_record import landing_errors_mm, really_seen
+from core.learning.evaluation.policy_evaluator import landing_errors_mm, really_seen
 from core.learning.gym_environment import OneStepReturn, register_environment
 from core.learning.task.environment import draw_goals, draw_serve_batch, evaluation_balls, play
 from core.physics.episode import Case

@@ -9,8 +9,7 @@ from core.errors import ConfigError
 from core.learning.config import CurriculumConfig, EnvironmentConfig, RunConfig, default_run
 from core.learning.evaluation.policy_evaluator import PolicyEvaluator, score_played
 from core.learning.runs.training import Training
-from core.learning.task.environment import ServeBatch, evaluation_balls, play
-from core.learning.task.episode_backend import ClosedFormBackend, observe_all
+from core.learning.task.environment import ClosedFormBackend, ServeBatch, evaluation_balls, observe_all, play
 from core.physics.episode import Case, Outcomes
 
 PREDICTED = EnvironmentConfig()

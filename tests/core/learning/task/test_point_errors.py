@@ -5,7 +5,7 @@ import pytest
 
 from core.learning.config import EnvironmentConfig
 from core.learning.task.environment import draw_serve_batch
-from core.learning.task.point_errors import MEASURED, SeenFlight, fit_point_errors
+from core.learning.task.timed_points import MEASURED, SeenFlight, fit_point_errors
 from core.simulation.episodes.closed_form import sample_serves
 
 TRUTH = EnvironmentConfig(state_source="truth")

@@ -7,8 +7,7 @@ import pytest
 
 from core.learning.agents.policy import Policy
 from core.learning.config import CurriculumConfig, RunConfig
-from core.learning.task.environment import evaluation_balls
-from core.learning.task.racket_table import racket_table
+from core.learning.task.environment import evaluation_balls, racket_table
 
 RUN = RunConfig(curriculum=CurriculumConfig(speeds_mps=(5.0, 3.0, 9.0, 5.0), episodes=(1, 1, 1, 1)))
 

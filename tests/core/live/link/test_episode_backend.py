@@ -10,7 +10,7 @@ from core.cameras import stereo_preset
 from core.errors import LinkError
 from core.events import SensorSize
 from core.learning.config import environment_profile
-from core.live.link.episode_backend import LinkBackend
+from core.live.link.linked_backend import LinkBackend
 from core.live.link.server import ServerConfig, SimulationServer
 
 

@@ -16,8 +16,7 @@ from core.errors import LinkError, RefusedError
 from core.events import SensorSize
 from core.live.link import messages as m
 from core.live.link.client import SimulationClient
-from core.live.link.guard import LinkGateway, secure
-from core.live.link.keys import ClientKeys, make_keys, read_client_keys, read_server_keys
+from core.live.link.guard import ClientKeys, LinkGateway, make_keys, read_client_keys, read_server_keys, secure
 from core.live.link.server import ServerConfig, SimulationServer
 
 PATIENCE_S = 250.0

@@ -9,10 +9,8 @@ from pathlib import Path
 import pytest
 
 from core.errors import LinkError
-from core.live.link.address import split_address
-from core.live.link.guard import check_reach
-from core.live.link.keys import make_keys, read_client_keys, read_server_keys
-from core.text.host import is_loopback
+from core.live.link.guard import check_reach, make_keys, read_client_keys, read_server_keys, split_address
+from core.text import is_loopback
 
 
 def test_keys_that_were_made_fit_each_other(tmp_path: Path) -> None:

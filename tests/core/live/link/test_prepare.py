@@ -14,8 +14,7 @@ from core.errors import LinkError
 from core.events import SensorSize
 from core.live.link import messages as m
 from core.live.link.client import SimulationClient
-from core.live.link.responder import PreparingResponder
-from core.live.link.server import ServerConfig, SimulationServer, prepare_simulation
+from core.live.link.server import PreparingResponder, ServerConfig, SimulationServer, prepare_simulation
 from core.live.worlds.world import SimulatedWorld, WorldConfig
 from core.physics.task import task_profile
 from core.simulation.episodes.mujoco_rally import MujocoRally
@@ -66,7 +65,7 @@ def test_a_server_that_compiles_answers_and_the_client_waits_for_it() -> None:
     answered = threading.Event()
 
     def become_ready() -> None:
-        answered.wait(10)
+        answered.wait(300)
         responder.stop()
         who, data = commands.recv_multipart()
         number = m.decode(data, m.COMMANDS).id

@@ -7,8 +7,7 @@ from core.live.link.messages import BounceNotice, HitNotice
 from core.live.link.published import contact_notice, outcome_notice, serve_notice
 from core.live.worlds.world import ClassifiedBall, RacketContact
 from core.physics.episode import Case
-from core.simulation.episodes.ball_outcome import BallOutcome
-from core.simulation.episodes.rally_events import RallyEvent
+from core.simulation.episodes.ball_outcome import BallOutcome, RallyEvent
 
 AFTER, BEFORE = np.arange(1.0, 10.0), np.arange(11.0, 20.0)
 Q = np.array([0.5, -0.5, 0.5, -0.5])

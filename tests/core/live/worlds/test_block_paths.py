@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from core.live.worlds.block_paths import SINK_S, SampledPath, SampledRacket
+from core.live.worlds.world import SINK_S, SampledPath, SampledRacket
 
 Array = NDArray[np.float64]
 

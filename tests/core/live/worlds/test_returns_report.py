@@ -7,8 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.live.worlds.returns_report import PlayedFile, losses, report_rows, write_ball_states_report
-from core.live.worlds.simulated_returns import ReturnOutcome, SimulatedReturns, SimulatedReturnsConfig
+from core.live.worlds.simulated_returns import (
+    PlayedFile,
+    ReturnOutcome,
+    SimulatedReturns,
+    SimulatedReturnsConfig,
+    losses,
+    report_rows,
+    write_ball_states_report,
+)
 from core.physics.task import task_profile
 from core.simulation.episodes import draw_serves
 from core.simulation.episodes.incoming import Incoming

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
+from benchmarks.rally.closed_loop import ClosedLoop
 from core.cameras import stereo_preset
 from core.chain.control.controller import BuiltInController
 from core.learning.config import EnvironmentConfig
-from core.live.worlds.closed_loop import ClosedLoop
 from core.live.worlds.event_environment import EventCameraBackend, EventEnvironmentConfig
 from core.live.worlds.world import WorldConfig
 from core.physics.config import PhysicsConfig, physics_profile

@@ -10,7 +10,17 @@ from core.errors import RecordingError
 from core.events import Events, SensorSize, concatenate_events
 from core.recordings.sources import open_sources
 from core.recordings.sources.evt2 import decode_evt2, start_state_evt2
-from core.recordings.sources.evt_time import BELIEVE, IGNORE, STOP, Decoded, judge_time_high, next_time_high
+from core.recordings.sources.evt_time import (
+    BELIEVE,
+    EVT2_TIME,
+    EVT3_TIME,
+    EVT21_TIME,
+    IGNORE,
+    STOP,
+    Decoded,
+    judge_time_high,
+    next_time_high,
+)
 from core.recordings.sources.source import DecodeReport
 
 HEADER3 = b"% evt 3.0\n% format EVT3;height=480;width=640\n% geometry 640x480\n% end\n"
@@ -205,7 +215,7 @@ def test_fine_times_that_step_back_do_not_turn_time_round(tmp_path):
     assert events.t_us.tolist() == [4101, 4101, 4102]
 
 
-SECOND, MASK = 100, 0xFFF
+SECOND = 100
 """A second in steps of the counter, chosen so that half of the counter is less than ten minutes."""
 
 
@@ -239,20 +249,21 @@ def time_words(*values):
 )
 def test_a_coarse_time_is_judged_by_its_step_and_the_next_one(current, value, following, verdict):
     words = time_words(value) if following is None else time_words(value, following)
-    assert judge_time_high(words, 0, value, current, 12, 0, MASK, SECOND) == verdict
+    assert judge_time_high(words, 0, value, current, EVT3_TIME._replace(second=SECOND)) == verdict
 
 
 def test_a_pause_of_ten_minutes_is_the_longest():
     words = np.array([8 << 28, 8 << 28 | 5 + 601 * SECOND], np.uint32)
-    at = [judge_time_high(words, 0, 5 + 600 * SECOND + more, 5, 28, 0, 0xFFFFFFF, SECOND) for more in (0, 1)]
+    form = EVT2_TIME._replace(second=SECOND)
+    at = [judge_time_high(words, 0, 5 + 600 * SECOND + more, 5, form) for more in (0, 1)]
     assert at == [BELIEVE, STOP]
 
 
 def test_the_next_coarse_time_is_that_of_the_first_such_word():
     words = np.array([0x8123, 0x2001, 0x8FFF, 0x8004], np.uint16)
-    assert [next_time_high(words, start, 12, 0, 0xFFF) for start in range(5)] == [0x123, 0xFFF, 0xFFF, 4, -1]
+    assert [next_time_high(words, start, EVT3_TIME) for start in range(5)] == [0x123, 0xFFF, 0xFFF, 4, -1]
     wide = np.array([1 << 60, 8 << 60 | 0xABCDEF1 << 32 | 0xFFFF], np.uint64)
-    assert next_time_high(wide, 0, 60, 32, 0xFFFFFFF) == 0xABCDEF1
+    assert next_time_high(wide, 0, EVT21_TIME) == 0xABCDEF1
 
 
 @pytest.mark.parametrize("version", [2, 21])
@@ -277,7 +288,7 @@ def test_pauses_wraps_and_damaged_times_of_evt2_and_evt21(tmp_path, version):
 @pytest.mark.parametrize(("between", "kept"), [(4000, 3), (4200, 3 + 4192)])
 def test_a_jump_in_time_just_before_damage_is_part_of_it(tmp_path, between, kept):
     jump = 5 + 20_000
-    two = [8 << 28 | 5] + [0] * 3 + [8 << 28 | jump] * 9 + [0] * (between - 8) + [8 << 28 | 5] * 2
+    two = [8 << 28 | 5] + [1] * 3 + [8 << 28 | jump] * 9 + [1] * (between - 8) + [8 << 28 | 5] * 2
     one = [8 << 60 | 5 << 32] + [1] * 3 + [8 << 60 | jump << 32] * 9 + [1] * (between - 8) + [8 << 60 | 5 << 32] * 2
     for events, report in (read_all(evt2_file(tmp_path, two)), read_all(evt21_file(tmp_path, one))):
         assert len(events) == kept and "the time jumps back" in report.notes[0]

@@ -4,7 +4,7 @@ import pytest
 from core.cameras import Camera
 from core.events import SensorSize
 from core.geometry import look_at
-from core.simulation.flights.ball_path import ParabolicPath
+from core.simulation.flights import ParabolicPath
 
 
 @pytest.fixture(scope="session")

@@ -13,7 +13,7 @@ from core.simulation import SceneConfig, SensorConfig, scene_named
 from core.simulation.bodies import MovingBodies, hidden_by_bodies, make_actors
 from core.simulation.bodies.parts import blade, probe_bodies, rod
 from core.simulation.event_cameras.event_camera import BLOCK_US, EventCamera
-from core.simulation.flights.ball_path import BallPath
+from core.simulation.flights import BallPath
 from tests.core.simulation.dense_sensor import compare_events, dense_events
 
 QUIET = SensorConfig(noise_hz=0.0, hot_pixels_per_million=0.0, threshold_mismatch=0.0)

@@ -7,8 +7,7 @@ import pytest
 
 from core.physics.episode import Case
 from core.physics.task import TaskConfig
-from core.simulation.episodes.ball_outcome import RallyClassifier
-from core.simulation.episodes.rally_events import RallyEvent, RallyEventKind
+from core.simulation.episodes.ball_outcome import RallyClassifier, RallyEvent, RallyEventKind
 
 
 def event(kind: RallyEventKind, x_m: float = -0.8) -> RallyEvent:

@@ -14,12 +14,10 @@ from core.physics.episode import Strokes
 from core.physics.flight import air_from_config, fly
 from core.physics.task import TaskConfig, task_profile
 from core.simulation.episodes import draw_serves, fly_serves, simulate_episodes
-from core.simulation.episodes.ball_outcome import BallOutcome, RallyClassifier
+from core.simulation.episodes.ball_outcome import BallOutcome, RallyClassifier, RallyEvent
 from core.simulation.episodes.episode_path import trace_episode
-from core.simulation.episodes.mujoco_episode import simulate_episodes_mujoco
-from core.simulation.episodes.mujoco_rally import MujocoRally
+from core.simulation.episodes.mujoco_rally import MujocoRally, simulate_episodes_mujoco
 from core.simulation.episodes.racket import target_for_ball
-from core.simulation.episodes.rally_events import RallyEvent
 
 PAPER = task_profile("paper")
 REAL = task_profile("real")

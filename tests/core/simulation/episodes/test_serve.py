@@ -9,8 +9,7 @@ import pytest
 
 from core.errors import ConfigError
 from core.physics.task import STAGE_SPEEDS_MPS, ServeConfig, TaskConfig, hard_serves, task_profile
-from core.simulation.episodes.closed_form import fly_serves
-from core.simulation.episodes.serve import draw_serves
+from core.simulation.episodes.closed_form import draw_serves, fly_serves
 
 PAPER = task_profile("paper")
 HARD = dataclasses.replace(PAPER, serve=hard_serves())

@@ -7,7 +7,7 @@ from core.errors import ConfigError
 from core.events import Events, concatenate_events
 from core.simulation import SceneConfig, SensorConfig, scene_named
 from core.simulation.event_cameras.event_camera import BLOCK_US, EventCamera
-from core.simulation.flights.ball_path import ParabolicPath
+from core.simulation.flights import ParabolicPath
 from core.simulation.scenes.background import LOG_LIGHT, make_background
 from core.simulation.scenes.block_view import moving_steps
 from tests.core.simulation.dense_sensor import compare_events, dense_events

@@ -7,13 +7,12 @@ import pytest
 
 from core.cameras import Camera, stereo_preset
 from core.jit import njit
-from core.simulation.flights.ball_path import BallStates, VisibleRange
+from core.simulation.flights import BallStates, VisibleRange
 from core.simulation.scenes.background import make_background
-from core.simulation.scenes.ball_outline import ball_rim_between, rim_columns
-from core.simulation.scenes.ball_view import ball_and_shadow_boxes, ball_shading_rows
+from core.simulation.scenes.ball_view import ball_and_shadow_boxes, ball_rim_between, ball_shading_rows, rim_columns
+from core.simulation.scenes.block_view import BALL
 from core.simulation.scenes.scene import SceneConfig
 from core.simulation.scenes.shading import deep_inside, pixel_seen
-from core.simulation.scenes.steps import BALL
 
 SCENE = SceneConfig()
 PLAIN = stereo_preset()["left"]

@@ -11,12 +11,17 @@ from core.cameras import Camera
 from core.events import Events, concatenate_events
 from core.simulation import SceneConfig, SensorConfig, pixel_truth
 from core.simulation.event_cameras.event_camera import BLOCK_US, EventCamera
-from core.simulation.flights.ball_path import BallPath, ParabolicPath
+from core.simulation.flights import BallPath, ParabolicPath
 from core.simulation.scenes.background import DEPTH_M, LIGHT, LOG_LIGHT, make_background
 from core.simulation.scenes.ball_view import ball_shading_rows
 from core.simulation.scenes.block_view import view_numbers
-from core.simulation.scenes.racket_outline import racket_outline
-from core.simulation.scenes.racket_shape import RacketPath, RacketPoses, racket_gap, racket_shading_rows
+from core.simulation.scenes.racket_view import (
+    RacketPath,
+    RacketPoses,
+    racket_gap,
+    racket_outline,
+    racket_shading_rows,
+)
 from core.simulation.scenes.shading import UNTOUCHED, Moving, pixel_light, pixel_seen
 from tests.dense_picture import render_light
 
@@ -123,7 +128,7 @@ def test_what_is_nearer_hides_what_is_behind(small_camera) -> None:
 
 
 def _no_portals():
-    from core.simulation.flights.ball_path import VisibleRange
+    from core.simulation.flights import VisibleRange
 
     return VisibleRange(np.zeros((1, 3)), np.full(1, -np.inf))
 

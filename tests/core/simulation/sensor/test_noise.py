@@ -4,8 +4,8 @@ import numpy as np
 
 from core.events import SensorSize
 from core.simulation import SensorConfig
-from core.simulation.sensor.noise import HotPixels, merge_noise, noise_model
 from core.simulation.sensor.pixels import EventBuffer
+from core.simulation.sensor.readout import HotPixels, merge_noise, noise_model
 
 SENSOR = SensorSize(64, 48)
 COUNT = 64 * 48

@@ -5,8 +5,7 @@ import pytest
 
 from core.simulation import SceneConfig, SensorConfig
 from core.simulation.event_cameras.event_camera import BLOCK_US, EventCamera
-from core.simulation.sensor.noise import MergedEvents
-from core.simulation.sensor.readout import Readout
+from core.simulation.sensor.readout import MergedEvents, Readout
 
 
 def burst(count: int, t_us: int) -> MergedEvents:

@@ -1,1 +1,0 @@
-"""Export of events and truth: CSV tables, DSEC, EVT3."""

@@ -1,1 +1,0 @@
-"""Text for people: shares, errors, and the glossary."""

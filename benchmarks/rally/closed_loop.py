@@ -1,0 +1,177 @@
+"""Whole balls through perception: serve, events, detection, stereo, prediction, racket, outcome.
+
+Nothing of the truth reaches the racket. The world advances in blocks of 10 ms, and only then are its events seen: that
+is the delay of the perception here, on top of the window.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.cameras import Camera
+from core.chain.block_windows import block_windows
+from core.chain.chain import RallyChain
+from core.chain.config import ChainConfig
+from core.chain.control.controller import BuiltInController, Controller
+from core.chain.control.decision import RacketDecision
+from core.chain.control.player import Player, PlayerState
+from core.chain.physics import chain_for_physics, expected_physics
+from core.errors import ConfigError
+from core.events import Events
+from core.live.worlds.world import Block, ClassifiedBall, SimulatedWorld, WorldConfig
+from core.physics.episode import Case
+from core.simulation.episodes.incoming import RecordedServes
+from core.simulation.episodes.racket import RacketTarget
+
+logger = logging.getLogger(__name__)
+Array = NDArray[np.float64]
+
+LONGEST_BALL_S = 5.0
+"""No ball takes longer from the serve to its outcome; the simulation would be stuck."""
+REST_S = 0.15
+"""Quiet after an outcome, longer than the gap at which the chain forgets a flight."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlayedBall:
+    """One ball, and the results of the chain."""
+
+    speed_mps: float
+    judged: ClassifiedBall
+    decisions: tuple[RacketDecision, ...]
+    """Decisions in their order; the last one is what the racket did."""
+    aim_error_m: float
+    """From where the ball crossed the hitting plane, or was hit, to where it was expected; NaN without a command."""
+
+    @property
+    def returned(self) -> bool:
+        """Case 4."""
+        return self.judged.outcome.case is Case.RETURNED
+
+    @property
+    def stage(self) -> str:
+        """Stage of the last command: none, pre or post."""
+        return self.decisions[-1].stage if self.decisions else "none"
+
+
+class Between(Protocol):
+    """Faults between the world and the player."""
+
+    def seen(self, events: Mapping[str, Events], start_us: int, end_us: int) -> Mapping[str, Events]:
+        """Events of a block after the faults, by camera."""
+        ...
+
+    def command(self, world: SimulatedWorld, target: RacketTarget) -> None:
+        """Give the racket a target.
+
+        Raises:
+            ConfigError: if it is out of bounds.
+        """
+        ...
+
+
+class ClosedLoop:
+    """A simulated world, and a chain and a controller that play in it."""
+
+    def __init__(
+        self,
+        world: WorldConfig,
+        cameras: Mapping[str, Camera],
+        *,
+        seed: int,
+        chain: ChainConfig | None = None,
+        controller: Controller | None = None,
+        window_us: int = 2000,
+        recorded: RecordedServes | None = None,
+        knows_physics: bool = False,
+        believed: Mapping[str, Camera] | None = None,
+        between: Between | None = None,
+    ) -> None:
+        """By default the built-in controller plays, and the chain learns the physical constants and passes them on to
+        it. With `knows_physics` both get the world's exact constants. The built-in controller knows the racket's
+        rubber. `believed`: the cameras as they were calibrated, where that is not what they are.
+
+        With `recorded`, the balls that are served are of those.
+
+        Raises:
+            CalibrationError: if the cameras cannot see depth.
+        """
+        self.world = SimulatedWorld(world, cameras, seed, recorded=recorded)
+        config, task = chain or ChainConfig(), world.task
+        if knows_physics:
+            config = chain_for_physics(config, task.physics)
+        else:
+            task = replace(task, physics=expected_physics(task.physics))
+        self.player = Player(RallyChain(believed or cameras, config), controller or BuiltInController(task))
+        self._window_us = window_us
+        self._between = between
+
+    def play(self, speed_mps: float, on_block: Callable[[Block, list[PlayerState]], None] | None = None) -> PlayedBall:
+        """Serve one ball of a speed and play it to its outcome; `on_block` gets every block and its steps.
+
+        Raises:
+            ConfigError: if there is no legal serve of that speed.
+        """
+        self.world.draw_serve(speed_mps)
+        self.player.forget_flight()
+        decisions: list[RacketDecision] = []
+        end_us = self.world.now_us + round(1e6 * LONGEST_BALL_S)
+        while self.world.now_us < end_us:
+            block = self.world.advance()
+            states = list(self._perceive(block))
+            if on_block is not None:
+                on_block(block, states)
+            decided = [self._decide(state) for state in states]
+            decisions += [decision for decision in decided if decision is not None]
+            if block.outcomes:
+                judged = block.outcomes[0]
+                self._rest()
+                return PlayedBall(speed_mps, judged, tuple(decisions), _aim_error_m(judged, decisions))
+        raise ConfigError("a ball without an outcome", got=f"{LONGEST_BALL_S} s after a {speed_mps:g} m/s serve")
+
+    def _rest(self) -> None:
+        """Wait until the ball is at rest and the racket at home."""
+        quiet_us = 0
+        while quiet_us < round(1e6 * REST_S):
+            block = self.world.advance()
+            for _ in self._perceive(block):
+                pass
+            quiet_us = 0 if self.world.ball_is_visible else quiet_us + block.end_us - block.start_us
+
+    def close(self) -> None:
+        """End the world's threads."""
+        self.world.close()
+
+    def _perceive(self, block: Block) -> Iterator[PlayerState]:
+        events = block.events
+        if self._between is not None:
+            events = self._between.seen(events, block.start_us, block.end_us)
+        for windows in block_windows(events, block.start_us, block.end_us, self._window_us):
+            yield self.player.step(windows)
+
+    def _decide(self, state: PlayerState) -> RacketDecision | None:
+        """Send the racket a new decision, if there is time and it is in reach."""
+        decision = state.decision
+        if decision is None or not state.is_new or decision.target.t_s <= self.world.now_us * 1e-6:
+            return None
+        try:
+            if self._between is None:
+                self.world.aim(decision.target)
+            else:
+                self._between.command(self.world, decision.target)
+        except ConfigError as error:
+            logger.info("racket target refused: %s", error)
+            return None
+        return decision
+
+
+def _aim_error_m(judged: ClassifiedBall, decisions: list[RacketDecision]) -> float:
+    if not decisions:
+        return float("nan")
+    return float(np.linalg.norm(judged.arrival[1:3] - decisions[-1].state[1:3]))

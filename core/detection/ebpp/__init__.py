@@ -1,1 +1,0 @@
-"""EBPP: a surface that every event updates, and a circular Hough transform of it."""

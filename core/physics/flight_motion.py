@@ -1,0 +1,151 @@
+"""How points of a flight move, and the units in which they move as a table-tennis ball does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+SPEEDS_MPS: Final = (0.2, 60.0)
+"""Greatest speed of a ball in play, noise included: the fastest strokes have 35 m/s."""
+LIKELY_MPS: Final = (1.0, 40.0)
+FALLS_MPS2: Final = (3.0, 30.0)
+"""Gravity is 9.8; spin and drag of a fast ball add or take up to twice that."""
+WIDEST_M: Final = 12.0
+"""Range for a flight."""
+FEWEST: Final = 5
+"""Points from which a motion is measured, and rows of which one may be odd."""
+FEWEST_FOR_FALL: Final = 8
+NEIGHBOURS: Final = 3
+JITTER_M: Final = 0.5
+"""Error of a point that is not taken for an outlier, as far as speed goes."""
+ODD_SHARE: Final = 0.1
+"""Share of the rows of a file that may be odd."""
+TIME_UNITS: Final = (1.0, 1e-3, 1e-6, 1e-9)
+PLACE_UNITS: Final = (1.0, 1e-2, 1e-3)
+TIME_FACTORS: Final = (1e-3, 1e-6, 1e-9, 1e3, 1e6)
+PLACE_FACTORS: Final = (1e-3, 1e-2, 1e2, 1e3)
+"""What a wrong unit multiplies by."""
+NAMES: Final = {1.0: "", 1e-2: "c", 1e-3: "m", 1e-6: "u", 1e-9: "n"}
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """How points move."""
+
+    speed_mps: float
+    """Median."""
+    fall_mps2: float | None
+    """Median downward acceleration; None for too few points."""
+    extent_m: float
+    along_y: bool
+    """More along y than along x."""
+    away: bool
+    """Towards +x."""
+
+    @property
+    def is_a_flight(self) -> bool:
+        """The speed is one of a ball in play."""
+        return SPEEDS_MPS[0] <= self.speed_mps <= SPEEDS_MPS[1]
+
+    @property
+    def odd_fall(self) -> bool:
+        """The ball falls much more slowly or faster than any."""
+        return self.fall_mps2 is not None and not FALLS_MPS2[0] <= self.fall_mps2 <= FALLS_MPS2[1]
+
+
+@dataclass(frozen=True, slots=True)
+class Units:
+    """Units of times and places."""
+
+    time_s: float
+    place_m: float
+
+    def __str__(self) -> str:
+        return f"times in {NAMES[self.time_s]}s and places in {NAMES[self.place_m]}m"
+
+
+def measure_motion(t_s: Array, ps_m: Array) -> Motion | None:
+    """The motion of points (N, 3) at ascending times (N,); None for fewer than `FEWEST`."""
+    if len(t_s) < FEWEST or not t_s[-1] > t_s[0]:
+        return None
+    apart = max(1, len(t_s) // 10)  # over some points, so that their noise counts less
+    steps_s = t_s[apart:] - t_s[:-apart]
+    steps_m = np.linalg.norm(ps_m[apart:] - ps_m[:-apart], axis=1)
+    speed = float(np.median(steps_m[steps_s > 0] / steps_s[steps_s > 0]))
+    moved = ps_m[-1] - ps_m[0]
+    extent = float(np.ptp(ps_m, axis=0).max())
+    along_y = bool(abs(moved[1]) > 1.5 * abs(moved[0]) and abs(moved[1]) > 0.5)
+    return Motion(speed, _fall(t_s, ps_m[:, 2]), extent, along_y, bool(moved[0] > 0.5))
+
+
+def _fall(t_s: Array, z_m: Array) -> float | None:
+    """Median over stretches of the downward acceleration: most stretches have no bounce in them."""
+    if len(t_s) < FEWEST_FOR_FALL:
+        return None
+    size = max(FEWEST_FOR_FALL, len(t_s) // 4)
+    falls: list[float] = []
+    for start in range(0, len(t_s) - size + 1, max(1, size // 4)):
+        t = t_s[start : start + size]
+        scale = float(np.ptp(t))
+        if scale <= 0:
+            return None
+        falls.append(-2 * float(np.polyfit((t - t.mean()) / scale, z_m[start : start + size], 2)[0]) / scale**2)
+    return float(np.median(falls))
+
+
+def reachable(t_s: Array, ps_m: Array) -> NDArray[np.bool_]:
+    """Which points (N,) a ball can fly to from at least half of the three before and the three after them."""
+    count = len(t_s)
+    near, asked = np.zeros(count, int), np.zeros(count, int)
+    for step in range(1, min(NEIGHBOURS, count - 1) + 1):
+        far_m = np.linalg.norm(ps_m[step:] - ps_m[:-step], axis=1)
+        met = far_m <= JITTER_M + SPEEDS_MPS[1] * np.abs(t_s[step:] - t_s[:-step])
+        for side in (slice(step, None), slice(None, -step)):
+            near[side] += met
+            asked[side] += 1
+    return 2 * near >= asked
+
+
+def allowed_odd(rows: int) -> int:
+    """How many odd rows of a file are left out; more refuse it."""
+    return max(1, int(ODD_SHARE * rows)) if rows >= FEWEST else 0
+
+
+def find_units(table: Array, time_s: float | None, place_m: float | None) -> list[Units]:
+    """The units in which rows (N, 4) of time and place fly as a ball does; those that are known are kept."""
+    found: list[Units] = []
+    for time in TIME_UNITS if time_s is None else (time_s,):
+        for place in PLACE_UNITS if place_m is None else (place_m,):
+            t_s, ps_m = time * table[:, 0], place * table[:, 1:]
+            kept = reachable(t_s, ps_m)
+            if len(kept) - kept.sum() > allowed_odd(len(kept)):
+                continue
+            motion = measure_motion(t_s[kept], ps_m[kept])
+            if motion is None or motion.fall_mps2 is None or motion.odd_fall or motion.extent_m > WIDEST_M:
+                continue
+            if LIKELY_MPS[0] <= motion.speed_mps <= LIKELY_MPS[1]:
+                found.append(Units(time, place))
+    return found
+
+
+def other_units(t_s: Array, ps_m: Array) -> str:
+    """What to do about points that do not fly as a ball in the units of their columns' names."""
+    fits = [
+        (time, place)
+        for time in (1.0, *TIME_FACTORS)
+        for place in (1.0, *PLACE_FACTORS)
+        if find_units(np.column_stack([time * (t_s - t_s[0]), place * ps_m]), 1.0, 1.0)
+    ]
+    if len(fits) != 1:
+        return "name the columns after their units: t_s, t_ms, t_us or t_ns, and x_m, x_cm or x_mm"
+    parts = [
+        f"{what} multiplied by {factor:g}"
+        for what, factor in zip(("times", "places"), fits[0], strict=True)
+        if factor != 1
+    ]
+    return f"it would with {' and '.join(parts)}: name the columns after their units, as t_ms, x_mm"

@@ -1,0 +1,56 @@
+"""The size of a sensor that no file states, told from the addresses of its events."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.events import SensorSize
+
+LARGEST_PX: Final = 4096
+"""No event camera has more columns or rows; addresses beyond are odd rows, no size."""
+_USUAL: Final = tuple(
+    SensorSize(*size)
+    for size in ((128, 128), (240, 180), (304, 240), (320, 240), (320, 320), (346, 260), (640, 480), (1280, 720))
+)
+_FEW_BEYOND: Final = 3
+_ENOUGH_EVENTS: Final = 1000
+"""From so many events on, a few beyond a usual sensor are odd addresses, and no larger sensor."""
+
+
+def _none() -> NDArray[np.int64]:
+    return np.zeros(LARGEST_PX, np.int64)
+
+
+@dataclass(slots=True, eq=False)
+class AddressCounts:
+    """How many events each column and each row of a sensor has."""
+
+    columns: NDArray[np.int64] = field(default_factory=_none)
+    rows: NDArray[np.int64] = field(default_factory=_none)
+
+    def add(self, x: NDArray[np.int64], y: NDArray[np.int64]) -> None:
+        """Take in the addresses of some events, but for those that no sensor has."""
+        for counts, addresses in ((self.columns, x), (self.rows, y)):
+            possible = addresses[(addresses >= 0) & (addresses < LARGEST_PX)]
+            counts += np.bincount(possible, minlength=LARGEST_PX)
+
+    @property
+    def largest(self) -> tuple[int, int]:
+        """Largest column and row; 0 if there are no events."""
+        column, row = (int(np.flatnonzero(counts)[-1]) if counts.any() else 0 for counts in (self.columns, self.rows))
+        return column, row
+
+    def usual_sensor(self) -> SensorSize:
+        """The smallest usual sensor that has all addresses but a few odd ones, else one just large enough for all."""
+        events = int(self.columns.sum())
+        allowed = _FEW_BEYOND if events >= _ENOUGH_EVENTS else 0
+        for sensor in _USUAL:
+            beyond = self.columns[sensor.width_px :].sum() + self.rows[sensor.height_px :].sum()
+            if beyond <= allowed:
+                return sensor
+        column, row = self.largest
+        return SensorSize(column + 1, row + 1)

@@ -1,1 +1,0 @@
-"""Pictures of an ordinary colour camera of the same scenes."""

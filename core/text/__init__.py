@@ -1,1 +1,0 @@
-"""Text: made fit to be shown, read as JSON or TOML within bounds, and written as tables of pages."""

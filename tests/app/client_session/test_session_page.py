@@ -1,0 +1,59 @@
+"""A page that the processor draws is shown a live rally a few times a second, and what was asked for at once."""
+
+from dataclasses import replace
+
+import pytest
+
+from app.client_session.session_page import FEW_EVERY_S, FrameThrottle
+from app.state.client_state import ClientState, Configs, History, Playhead
+from core.detection import DetectorConfig
+
+LIVE = Playhead(600_000, live=True, following=True, playing=True, speed=1.0)
+
+
+def state_of(head: Playhead = LIVE) -> ClientState:
+    return ClientState("live", ("left", "right"), "left", head, History(Configs(DetectorConfig(), DetectorConfig())))
+
+
+def turns(pace: FrameThrottle, state: ClientState | None, seconds: float = 10.0) -> int:
+    """How many of 60 turns a second are due."""
+    return sum(pace.is_due(state, number / 60) for number in range(round(60 * seconds)))
+
+
+def test_a_page_that_the_processor_draws_gets_few_pictures_of_a_live_rally() -> None:
+    pace = FrameThrottle()
+    pace.hear({"software": True})
+    assert turns(pace, state_of()) == pytest.approx(10 / FEW_EVERY_S, rel=0.1)
+
+
+@pytest.mark.parametrize("message", [{"software": False}, {}, {"software": "yes"}, {"software": [1]}])
+def test_another_page_gets_every_picture(message: dict[str, object]) -> None:
+    pace = FrameThrottle()
+    pace.hear(message)
+    assert turns(pace, state_of(), 2) == 120
+
+
+@pytest.mark.parametrize(
+    "head", [replace(LIVE, playing=False, following=False), replace(LIVE, live=False, following=False)]
+)
+def test_what_stands_still_and_a_recording_are_not_slowed(head: Playhead) -> None:
+    pace = FrameThrottle()
+    pace.hear({"software": True})
+    assert turns(pace, state_of(head), 2) == turns(pace, None, 2) == 120
+
+
+def test_only_a_live_rally_that_the_processor_draws_is_spared() -> None:
+    pace = FrameThrottle()
+    assert not pace.spares(state_of())
+    pace.hear({"software": True})
+    assert pace.spares(state_of()) and not pace.spares(None)
+    assert not pace.spares(state_of(replace(LIVE, playing=False, following=False)))
+
+
+def test_who_asks_for_something_does_not_wait() -> None:
+    pace = FrameThrottle()
+    pace.hear({"software": True})
+    assert pace.is_due(state_of(), 1.0) and not pace.is_due(state_of(), 1.05)
+    pace.hurry()
+    assert pace.is_due(state_of(), 1.06) and not pace.is_due(state_of(), 1.08)
+    assert pace.is_due(state_of(), 1.07 + FEW_EVERY_S)

@@ -1,0 +1,45 @@
+"""How values and errors are shown to a person."""
+
+import pytest
+
+from app.formatting import LONGEST_TITLE, notice_of, percent
+from app.panels.field_control import field_label
+from core.config import FieldSpec
+from core.detection.stages.localise import LocaliseConfig
+from core.errors import CommandError, ConfigError, LinkError, NotReadyError
+
+
+def test_the_title_says_what_did_not_work_and_the_text_where_and_what_to_do() -> None:
+    error = CommandError("another export runs", got="rally-3.rrd", remedy="wait for it, or cancel it")
+    assert notice_of(error) == ("Another export runs", "got rally-3.rrd; wait for it, or cancel it")
+    placed = CommandError("no such file", where="clip.raw")
+    assert notice_of(placed) == ("No such file", "clip.raw")
+    assert notice_of(NotReadyError("not ready yet", share=0.5)) == ("Not ready yet", "")
+
+
+def test_a_long_message_is_whole_in_the_text() -> None:
+    title, text = notice_of(LinkError("refused: " + "many words " * 20))
+    assert len(title) <= LONGEST_TITLE + 4 and title.startswith("Refused: many words")
+    assert text.count("many") == 20
+
+
+def test_a_setting_is_called_what_its_slider_is_called() -> None:
+    with pytest.raises(ConfigError) as raised:
+        LocaliseConfig(radius_min_px=9.0, radius_max_px=6.0)
+    title, text = notice_of(raised.value)
+    assert title == "No radius is allowed" and text.startswith('"radius max [px]"; expected radius max [px] above 9')
+    slider = FieldSpec(("localise", "radius_max_px"), float, 24.0, None, (), "")
+    assert f'"{field_label(slider)}"' in text
+
+
+def test_the_name_of_a_file_stays_as_it_is() -> None:
+    error = ConfigError("unknown setting 'radius_px'", where="my_config.toml")
+    assert notice_of(error) == ("Unknown setting 'radius_px'", "my_config.toml")
+
+
+@pytest.mark.parametrize(
+    ("done", "of", "said"),
+    [(0, 260, "0 %"), (1, 260, "1 %"), (130, 260, "50 %"), (259, 260, "99 %"), (260, 260, "100 %")],
+)
+def test_only_all_is_a_hundred_per_cent_and_only_nothing_is_none(done: int, of: int, said: str) -> None:
+    assert percent(done / of) == said

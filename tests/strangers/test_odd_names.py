@@ -1,0 +1,73 @@
+"""Names that are no text, terminals with few characters: each verb ends with 0, or with one line of what is wrong."""
+
+from __future__ import annotations
+
+import io
+import sys
+from pathlib import Path
+
+import pytest
+
+from app.cli import main
+from core.recordings import import_recording
+from tests.app.shared.event_files import write_csv
+
+ODD = "b\udcff\u4e2d\u00e9"
+"""A byte that is no character, one of another script, and one of Latin-1."""
+LABELS = "labels import @-labels.csv @.h5 --format csv --data @-data"
+RUNS = {
+    "info @.h5": 0,
+    "import @.csv --check": 0,
+    "import @.csv @-2.h5 --json": 0,
+    "import @.csv @-3.h5 --names @": 2,
+    "import @.csv @-3.h5 --calibration @": 2,
+    LABELS: 0,
+    f"{LABELS} --annotator @": 2,
+    "detect @.h5 --out @-d.csv": 0,
+    "predict @.csv --out @.json": 2,
+    "export @.h5 --evt3 @-evt3": 0,
+    "record --source replay:@.h5 --out @-r.h5": 0,
+    "record --source @ --out q.h5": 2,
+    "serve @.h5 --host @": 2,
+    "evaluate @": 2,
+    "@": 2,
+    "--plugin @.py info @.h5": 2,
+}
+"""Command line, with @ for the odd name -> exit code."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording and labels of it, of odd names."""
+    folder = tmp_path_factory.mktemp("odd")
+    write_csv(folder / f"{ODD}.csv", 20)
+    import_recording([folder / f"{ODD}.csv"], folder / f"{ODD}.h5")
+    (folder / f"{ODD}-labels.csv").write_text("t_us,state,x_px,y_px,r_px\n2000,visible,5,5,3\n")
+    return folder
+
+
+def call(monkeypatch: pytest.MonkeyPatch, encoding: str, words: list[str]) -> tuple[int, str, str]:
+    """Exit code, and what was printed on a terminal of that encoding."""
+    out, err = (io.TextIOWrapper(io.BytesIO(), encoding=encoding, errors="strict") for _ in range(2))
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "stdout", out)
+        patch.setattr(sys, "stderr", err)
+        code = main(words)
+    for stream in (out, err):
+        stream.seek(0)
+    return code, out.read(), err.read()
+
+
+@pytest.mark.parametrize("command", RUNS)
+def test_names_that_are_no_text_are_taken_or_refused_in_one_line(command: str, folder: Path, monkeypatch) -> None:
+    monkeypatch.chdir(folder)
+    code, _, error = call(monkeypatch, "ascii", command.replace("@", ODD).split(" "))
+    assert code == RUNS[command] and "Traceback" not in error
+    assert code == 0 or error.count("\n") == 1
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "latin-1", "cp437", "utf-8", "utf-16"])
+def test_a_terminal_of_any_encoding_shows_what_a_recording_holds(encoding: str, folder: Path, monkeypatch) -> None:
+    monkeypatch.chdir(folder)
+    code, out, _ = call(monkeypatch, encoding, ["info", f"{ODD}.h5"])
+    assert code == 0 and "microseconds are assumed" in out
