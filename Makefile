@@ -6,33 +6,46 @@ BIN := $(VENV)/bin
 DATA ?= rallyscope-data
 PORT ?= 8080
 
-.PHONY: run test test-benchmarks quick check kernels bench docs film install-hashed hashes clean
+.PHONY: run test test-all test-benchmarks durations quick check chromium kernels bench docs film install-hashed hashes clean
 
 run: $(VENV)/.installed
 	$(BIN)/rallyscope serve --data "$(DATA)" --port $(PORT) --open
 
-# With bytecode, which saves a second at each of the hundreds of starts of a process.
+# What every change has to pass. The static checks run beside the tests. With bytecode, which saves a second at each of
+# the hundreds of starts of a process.
+PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder
+
 test: $(VENV)/.installed-dev
-	$(MAKE) -j2 check kernels
-	$(BIN)/python tests/ensure_chromium.py
-	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder -m "not benchmark"
+	$(MAKE) -j2 check kernels chromium
+	$(PYTEST) -m "not long"
 
-# The benchmarks' own tests (BENCHMARKS in tests/conftest.py), with small counts.
-test-benchmarks: $(VENV)/.installed-dev
-	$(BIN)/python tests/ensure_chromium.py
-	$(BIN)/python -m pytest -n 2 --dist loadscope -m benchmark
+# All tests but those of benchmarks, for whoever finishes a larger change.
+test-all: $(VENV)/.installed-dev
+	$(MAKE) -j2 check kernels chromium
+	$(PYTEST)
 
-# The inner loop: what is slow (SLOW in tests/conftest.py) is left to `make test`.
+# What each test takes, measured anew: tests/sizes.py makes three sizes of it.
+durations: $(VENV)/.installed-dev kernels chromium
+	$(PYTEST) --durations-to tests/durations.csv
+
+# The benchmarks' own tests, with small counts.
+test-benchmarks: $(VENV)/.installed-dev chromium
+	$(BIN)/python -m pytest -n 2 --dist loadscope benchmarks/tests
+
+# The inner loop: what is slow (tests/sizes.py) is left to `make test`.
 quick: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/python -m pytest -q -n 2 -m "not slow and not browser and not benchmark"
+	$(BIN)/python -m pytest -q -n 2 -m "not slow"
 
 check: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 	$(BIN)/pyright
+
+chromium: $(VENV)/.installed-dev
+	$(BIN)/python tests/ensure_chromium.py
 
 kernels: $(VENV)/.installed-dev
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m tests.compile_kernels

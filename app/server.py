@@ -142,7 +142,9 @@ class App:
         self._stopping = True
         self._awake.set()
         self._loop.join(timeout=5)
-        for session in list(self._sessions.values()):
+        with self._lock:  # one that disconnects meanwhile is closed once
+            sessions, self._sessions = tuple(self._sessions.values()), {}
+        for session in sessions:
             session.close()
         self._server.stop()
         self._pool.shutdown(wait=True, cancel_futures=True)

@@ -17,7 +17,7 @@ from app.shared.library import Library
 from app.shared.live_rally import LiveRally
 from app.shared.workspace import Workspace
 from core.errors import CommandError
-from tests.app.browser.conftest import FLAGS, make_known
+from tests.app.browser.window import FLAGS, make_known
 from tests.ensure_chromium import HELP, find_chromium
 
 SIZE_PX: Final = (1280, 720)

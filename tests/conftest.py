@@ -1,9 +1,7 @@
 """Fixtures that several parts use: the shared real data, and a short simulated recording with truth."""
 
-import functools
 import os
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -30,109 +28,10 @@ from core.simulation import (
 )
 from core.simulation.episodes.ball_outcome import BallOutcome
 
+pytest_plugins = ["tests.sizes", "tests.stacks"]
+
 HERE = Path(__file__).parent
 SHARED = Path(os.environ.get("RALLYSCOPE_SHARED_DATA") or HERE.parents[1] / "shared" / "data")
-BENCHMARKS = (
-    "app/browser/test_label_user.py",
-    "app/browser/test_live_pace_in_browser.py",
-    "app/browser/test_page_speed.py",
-    "benchmarks",
-)
-"""Tests of benchmarks, beside single ones with that mark: `make test` leaves them to `make test-benchmarks`."""
-SLOW = (
-    "app/browser",
-    "app/cli",
-    "app/export",
-    "app/modes/export",
-    "app/modes/label/test_editor.py",
-    "app/modes/label/test_keys.py",
-    "app/modes/train",
-    "app/modes/tune/test_auto_run.py",
-    "app/startup",
-    "core/cameras/calibration",
-    "core/detection/fast/test_detector.py",
-    "core/detection/test_contract.py",
-    "core/detection/test_real_recordings.py",
-    "core/jobs",
-    "core/learning",
-    "core/physics/test_fit_flights.py",
-    "core/chain",
-    "core/data_sets",
-    "core/devices",
-    "core/history",
-    "core/live",
-    "core/online_learning",
-    "core/outcomes",
-    "core/robot",
-    "core/recordings/test_contract.py",
-    "core/recordings/test_damage.py",
-    "core/recordings/test_importing.py",
-    "core/recordings/test_kill.py",
-    "core/simulation",
-    "core/test_jit.py",
-    "core/tuning/test_tune.py",
-    "docs/test_examples.py",
-    "docs/test_film.py",
-    "docs/test_site.py",
-    "mutation",
-    "test_files_of_earlier_versions.py",
-    "test_reference_outputs.py",
-)
-"""What starts processes, trains, simulates for seconds or opens a browser: `make quick` leaves it out."""
-LONGEST = (
-    "app/browser/test_label_in_browser.py",
-    "app/cli/test_cold_start.py",
-    "app/browser/test_live_in_browser.py",
-    "app/browser/test_cold_start.py",
-    "app/browser/test_train_in_browser.py",
-    "core/live/link/test_server_and_client.py",
-    "core/learning/agents/test_agents.py",
-    "core/data_sets/test_run.py",
-    "app/browser",
-    "app/cli",
-    "app/modes/train",
-    "core/chain",
-    "core/data_sets",
-    "core/live",
-    "core/robot",
-    "core/jobs",
-    "core/learning",
-    "core/cameras/calibration",
-    "core/simulation",
-)
-"""What begins first, the longest before others: a long file that begins last has a processor to itself at the end."""
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what is slow or of a benchmark; begin with what takes longest (`--no-loadscope-reorder` leaves that so)."""
-    for item in items:
-        kind = kind_of(item.path)
-        if kind.is_slow:
-            item.add_marker(pytest.mark.slow)
-        if kind.is_benchmark:
-            item.add_marker(pytest.mark.benchmark)
-    items.sort(key=lambda item: kind_of(item.path).rank)
-
-
-class FileKind(NamedTuple):
-    """What this file says of a file of tests; files with a smaller rank begin first."""
-
-    is_slow: bool
-    is_benchmark: bool
-    rank: int
-
-
-@functools.cache
-def kind_of(path: Path) -> FileKind:
-    """What the lists above say of a file."""
-    place = path.relative_to(HERE).as_posix() if path.is_relative_to(HERE) else ""
-    rank = next((rank for rank, name in enumerate(LONGEST) if is_in(place, (name,))), len(LONGEST))
-    return FileKind(is_in(place, SLOW), is_in(place, BENCHMARKS), rank)
-
-
-def is_in(place: str, names: tuple[str, ...]) -> bool:
-    """Whether a file is one of these, or below one of these folders."""
-    return any(place == name or place.startswith(f"{name}/") for name in names)
 
 
 @pytest.fixture(scope="session")

@@ -1,28 +1,36 @@
-"""Outputs of any kind as named arrays, what is kept of an array, and how an array differs from what was kept."""
+"""Outputs of any kind as named arrays, files of them, and how an array differs from an earlier one."""
 
 from __future__ import annotations
 
-import hashlib
+import json
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import cv2
 import h5py
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-SAMPLES: Final = 6
-"""Values of an array that are kept."""
-TOLERANCE: Final = 1e-6
-"""Relative and absolute, for what another machine rounds otherwise."""
-KEPT: Final = ("type", "shape", "hash")
-"""What decides whether an array is the same."""
 NUMBER: Final = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
 Arrays = dict[str, NDArray]
 Json = dict[str, object]
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """What another processor may round otherwise. Integers and bytes are compared exactly, but for `share`."""
+
+    atol: float = 1e-6
+    rtol: float = 1e-6
+    share: float = 0.0
+    """Of the values of an array, as many may be anything: pixels on an edge."""
+
+
+EXACT: Final = Tolerance(0.0, 0.0)
 
 
 def read_files(path: Path) -> Arrays:
@@ -74,78 +82,50 @@ def stacked(parts: list[Arrays]) -> Arrays:
     return {name: np.concatenate([part[name] for part in parts if name in part]) for name in names}
 
 
-def summarise(array: ArrayLike) -> Json:
-    """What is kept of an array: type, shape, hash, and some values."""
-    plain = np.ascontiguousarray(array)
-    summary: Json = {
-        "type": plain.dtype.str,
-        "shape": list(plain.shape),
-        "hash": hashlib.blake2b(plain.tobytes(), digest_size=8).hexdigest(),
-    }
-    if plain.dtype.kind in "iuf" and plain.size and plain.dtype != np.uint8:
-        summary["values"] = [None if value != value else value for value in sampled(plain).tolist()]
-    return summary
-
-
-def sampled(array: NDArray) -> NDArray:
-    """A few values, spread evenly."""
-    return array.ravel()[np.linspace(0, array.size - 1, min(SAMPLES, array.size)).astype(int)]
-
-
-def difference(stored: Json, array: NDArray, before: NDArray | None = None) -> str | None:
-    """How an array differs from what is stored of it, in words; None if it is the same to the last bit."""
-    now = summarise(array)
-    if all(now[name] == stored[name] for name in KEPT):
+def difference(before: NDArray, now: NDArray, tolerance: Tolerance) -> str | None:
+    """How an array differs from an earlier one, in words; None if it is the same within a tolerance."""
+    if (now.dtype.str, now.shape) != (before.dtype.str, before.shape):
+        return f"{before.dtype.str} {list(before.shape)} -> {now.dtype.str} {list(now.shape)}"
+    if now.dtype.kind not in "biuf":
+        return None if np.array_equal(now, before) else "other values"
+    gaps = gaps_between(now, before)
+    allowed = tolerance.atol + tolerance.rtol * np.abs(np.nan_to_num(before)) if now.dtype.kind == "f" else 0.0
+    off = np.count_nonzero(gaps > allowed)
+    if off <= tolerance.share * gaps.size:
         return None
-    if (now["type"], now["shape"]) != (stored["type"], stored["shape"]):
-        return f"{stored['type']} {stored['shape']} -> {now['type']} {now['shape']}"
-    if before is not None and array.dtype.kind in "biuf":
-        gaps = gaps_between(array, before)
-        return f"{np.count_nonzero(gaps)} of {gaps.size} values differ, by up to {gaps.max():.3g}"
-    if "values" not in stored:
-        return "other bytes"
-    gap = float(gaps_between(sampled(array), as_floats(stored["values"])).max())
-    return f"differs; in the values that are kept by up to {gap:.3g}"
-
-
-def is_close(stored: Json, array: NDArray) -> bool:
-    """Whether an array is the same but for rounding, as far as the kept values tell."""
-    if difference(stored, array) is None:
-        return True
-    if "values" not in stored or (array.dtype.str, list(array.shape)) != (stored["type"], stored["shape"]):
-        return False
-    before = as_floats(stored["values"])
-    return bool(np.allclose(sampled(array), before, rtol=TOLERANCE, atol=TOLERANCE, equal_nan=True))
-
-
-def as_floats(values: object) -> NDArray[np.float64]:
-    """Kept values; None was not a number."""
-    assert isinstance(values, list)
-    return np.array([np.nan if value is None else value for value in values], np.float64)
+    return f"{off} of {gaps.size} values differ, by up to {gaps.max():.3g}"
 
 
 def gaps_between(now: NDArray, before: NDArray) -> NDArray[np.float64]:
     """Absolute differences; infinite where only one is a number."""
-    a, b = np.atleast_1d(now).astype(np.float64), np.atleast_1d(before).astype(np.float64)
-    gaps = np.abs(a - b)
-    gaps[np.isnan(a) & np.isnan(b)] = 0.0
-    return np.nan_to_num(gaps, nan=np.inf)
+    a, b = now.astype(np.float64), before.astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        gaps = np.where(a == b, 0.0, np.abs(a - b))  # two infinities are the same
+    return np.where(np.isnan(a) & np.isnan(b), 0.0, np.nan_to_num(gaps, nan=np.inf))
 
 
-def compare(
-    stored: Mapping[str, Mapping[str, Json]], found: Mapping[str, Arrays], values: Mapping[str, NDArray]
-) -> list[tuple[str, str]]:
-    """A row per output: its name, and "equal" or what differs in it."""
-    rows = []
-    for name, arrays in found.items():
-        before = stored.get(name)
-        if before is None:
-            rows.append((name, "not in the file"))
-            continue
-        told = [f"{key}: is gone" for key in before if key not in arrays]
-        told += [f"{key}: is new" for key in arrays if key not in before]
-        for key in arrays:
-            if key in before and (words := difference(before[key], arrays[key], values.get(f"{name}|{key}"))):
-                told.append(f"{key}: {words}")
-        rows.append((name, "equal" if not told else "\n".join(told)))
-    return rows
+def differences(before: Arrays, now: Arrays, tolerance: Tolerance) -> list[str]:
+    """What is gone, new or different in an output, a line each."""
+    found = [f"{key}: is gone" for key in before if key not in now]
+    found += [f"{key}: is new" for key in now if key not in before]
+    for key in now:
+        if key in before and (words := difference(before[key], now[key], tolerance)):
+            found.append(f"{key}: {words}")
+    return found
+
+
+def write_outputs(path: Path, outputs: Mapping[str, Arrays], machine: Mapping[str, object]) -> None:
+    """All arrays of all outputs in one file, and where they were computed."""
+    flat = {f"{name}|{key}": array for name, arrays in outputs.items() for key, array in arrays.items()}
+    np.savez_compressed(path, machine=np.array(json.dumps(machine)), **flat)  # type: ignore[arg-type]
+
+
+def read_outputs(path: Path) -> tuple[dict[str, Arrays], Json]:
+    """What `write_outputs` wrote."""
+    outputs: dict[str, Arrays] = {}
+    with np.load(path) as file:
+        for name in file.files:
+            output, bar, key = name.partition("|")
+            if bar:
+                outputs.setdefault(output, {})[key] = file[name]
+        return outputs, json.loads(str(file["machine"]))

@@ -101,6 +101,7 @@ HEADS = st.sampled_from(
 
 
 @given(HEADS, st.binary(max_size=300))
+@pytest.mark.gate
 def test_bytes_that_are_called_a_recording_give_events_or_an_error(head: bytes, rest: bytes) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "any.raw"

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.ensure_chromium import MAC_APPLICATIONS, NAMES, find_chromium
+from tests.waiting import PATIENCE_S
 
 SCRIPT = Path(__file__).with_name("ensure_chromium.py")
 
@@ -74,7 +75,9 @@ def test_the_named_browser_comes_first_and_is_not_replaced(nothing: dict[str, st
 @pytest.mark.parametrize(("more", "code"), [({}, 0), ({"CI": "1"}, 1)])
 def test_without_one_it_says_what_to_do(more: dict[str, str], code: int, nothing: dict[str, str]) -> None:
     environment = {**nothing, **more, "RALLYSCOPE_CHROMIUM": os.devnull}
-    done = subprocess.run([sys.executable, str(SCRIPT)], env=environment, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(
+        [sys.executable, str(SCRIPT)], env=environment, capture_output=True, text=True, timeout=PATIENCE_S
+    )
     assert done.returncode == code
     for part in ("playwright install chromium", "RALLYSCOPE_CHROMIUM=/path/to/chrome", f"{os.devnull} is no program"):
         assert part in done.stdout

@@ -2,7 +2,8 @@
 
 The files are in `fixtures/written-by-<version>`, made once by `fixtures/make_written_by.py` with the code of that
 version. Here they are opened through public names only. A test that fails here is a promise broken to somebody who has
-such files; neither the files nor what is expected of them may be changed to make it pass.
+such files; neither the files nor what is expected of them may be changed to make it pass. That what is computed from
+them stays what it was is guarded in `test_reference_outputs.py`.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from core.recordings import open_recording
 from labels.model import LabelState, PositionSource
 from labels.store import LabelStore, Layer, find_layers
 
+pytestmark = pytest.mark.numeric
 FOLDERS = sorted((Path(__file__).parent / "fixtures").glob("written-by-*"))
 MADE_AT_US = 1_760_000_000_000_000
 
@@ -164,15 +166,6 @@ def test_a_recording_whose_writer_was_killed_is_finished(written: Path, expected
         assert "the writer was killed" in recording.notes
 
 
-def test_the_ball_of_a_recording_is_found_where_it_was_found(written: Path, tmp_path: Path) -> None:
-    """The track that was written beside it with `auto`: another machine rounds otherwise, so to a tenth of a mm."""
-    run_verb("track", written / "recordings" / "robot.h5", "--method", "auto", "--out", tmp_path / "track.csv")
-    before, now = (
-        np.loadtxt(p / "track.csv", delimiter=",", skiprows=1, usecols=range(4)) for p in (written, tmp_path)
-    )
-    np.testing.assert_allclose(now, before, rtol=0, atol=1e-4)
-
-
 # Data sets
 
 
@@ -285,14 +278,6 @@ def test_other_annotators_blind_repeats_and_torn_lines_are_read(written: Path, u
         assert store.all() == ()
 
 
-def test_the_annotators_agree_as_much_as_they_did(written: Path) -> None:
-    whose = ("--camera", "left", "--annotator", "anna", "--data", written)
-    words = ("agree", written / "recordings" / "robot.h5", *whose, "--with", "Jörg Ö./2", "--json")
-    found = json.loads(run_verb("labels", *words))
-    assert (found["common"], found["only_first"], found["only_second"]) == (2, len(ANNA) - 2, 0)
-    assert found["median_px"] == pytest.approx(np.hypot(0.75, 0.5))
-
-
 def test_labels_in_a_file_of_columns_are_imported(written: Path, uuid: str, tmp_path: Path) -> None:
     words = ("--camera", "left", "--annotator", "bea", "--format", "hdf5", "--data", tmp_path, "--json")
     told = json.loads(run_verb("labels", "import", written / "labels.h5", written / "recordings" / "robot.h5", *words))
@@ -359,26 +344,6 @@ def test_calibrations_are_read(written: Path) -> None:
 # Training runs
 
 
-def check_evaluation(found: list[dict], told: list[dict]) -> None:
-    """The same balls, with the results to what another machine's rounding makes of them."""
-    assert len(found) == len(told)
-    for now, before in zip(found, told, strict=True):
-        assert {name: now[name] for name in ("speed_mps", "balls", "seeds", "episodes")} == {
-            name: before[name] for name in ("speed_mps", "balls", "seeds", "episodes")
-        }
-        assert now["returned"] == pytest.approx(before["returned"], abs=1.01 / (before["balls"] * before["seeds"]))
-        for name in ("mean", "median", "p95"):
-            assert now["error_mm"][name] == pytest.approx(before["error_mm"][name], rel=0.01)
-        for name, baseline in before["baselines"].items():
-            assert now["baselines"][name]["error_mm"] == pytest.approx(baseline["error_mm"], rel=0.01)
-
-
-@pytest.mark.parametrize("name", ["ddpg", "ppo", "landing-model"])
-def test_a_policy_plays_as_it_did(name: str, written: Path, expected: dict) -> None:
-    found = json.loads(run_verb("evaluate", written / "runs" / name, "--json"))
-    check_evaluation(found, expected["runs"][name]["evaluation"])
-
-
 @pytest.mark.parametrize(("name", "seed"), [("ddpg", 0), ("ddpg", 1), ("ppo", 0), ("landing-model", 0)])
 def test_a_policy_answers_a_ball_as_it_did(name: str, seed: int, written: Path, expected: dict) -> None:
     state, goal = (-1.42, 0.1, 0.3, -4.0, 0.2, -0.5), (0.8, 0.1)
@@ -422,10 +387,16 @@ def assert_holds(known: dict, saved: dict) -> None:
 def test_a_run_that_was_stopped_goes_on_to_where_it_would_have_come(
     written: Path, expected: dict, tmp_path: Path
 ) -> None:
+    """Gradients that are rounded otherwise, by a millionth, move the mean error by 1e-5 mm of 275 mm."""
     run = tmp_path / "landing-model"
     shutil.copytree(written / "runs" / "landing-model", run)
     told = json.loads(run_verb("train", "--out", run, "--resume", "--json"))
     assert told["state"] == "finished"
     lines = (run / "seed-0" / "metrics.jsonl").read_text().splitlines()
     assert len(lines) == 60
-    check_evaluation(json.loads(run_verb("evaluate", run, "--json")), expected["runs"]["landing-model"]["resumed"])
+    (now,), (before,) = json.loads(run_verb("evaluate", run, "--json")), expected["runs"]["landing-model"]["resumed"]
+    for name in ("speed_mps", "balls", "seeds", "episodes"):
+        assert now[name] == before[name]
+    assert now["returned"] == pytest.approx(before["returned"], abs=1.01 / before["balls"])
+    for name in ("mean", "median", "p95"):
+        assert now["error_mm"][name] == pytest.approx(before["error_mm"][name], rel=0.01)

@@ -10,6 +10,7 @@ import pytest
 
 from core.recordings import open_recording
 from tests.other_systems import hidden_environment
+from tests.waiting import PATIENCE_S
 
 HELP = """
 import argparse, importlib, sys
@@ -60,7 +61,7 @@ def run(system: str, folder: Path, *command: str) -> None:
     (folder / "like").mkdir(exist_ok=True)
     environment = hidden_environment(system, folder / "like")
     words = [sys.executable, "-c", *command]
-    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, env=environment, timeout=550)
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, env=environment, timeout=PATIENCE_S)
     assert done.returncode == 0, done.stderr[-3000:] or done.stdout[-3000:]
 
 
@@ -81,6 +82,7 @@ assert _read_mounts() == "" and open("/proc/mounts").read()
 
 
 @pytest.mark.parametrize("system", SYSTEMS)
+@pytest.mark.gate
 def test_every_verb_starts(system: str, tmp_path: Path) -> None:
     run(system, tmp_path, HELP)
 

@@ -7,7 +7,7 @@ import json
 import pickle
 import subprocess
 import sys
-import time
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -28,6 +28,7 @@ from core.text import parse_json
 from labels.formats.xml_nodes import XmlError, parse_xml
 from labels.records import unpack_line
 from tests.sources import ROOT, SOURCES, name_of, tree_of
+from tests.waiting import PATIENCE_S
 
 FORBIDDEN = {
     "eval", "exec", "compile", "__import__", "pickle.load", "pickle.loads", "pickle.Unpickler",
@@ -48,7 +49,6 @@ TOO_DEEP = 100_000
 ALIASES = "a: &a [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
     f"{chr(98 + n)}: &{chr(98 + n)} [{', '.join(['*' + chr(97 + n)] * 10)}]\n" for n in range(9)
 )
-SECONDS = 60.0
 
 
 def test_nothing_is_unpickled_or_run() -> None:
@@ -115,43 +115,53 @@ def test_json_that_is_too_deep_or_too_long_a_number_is_no_json(text: str, tmp_pa
 
 
 @pytest.mark.parametrize(
-    "text",
+    ("text", "refused", "is_parsed"),
     [
-        "a = " + "[" * TOO_DEEP,
-        "a = " + "{a=" * TOO_DEEP,
-        ".".join("a" * 50_000) + " = 1",
-        "a = {b = 1, " + " . ".join("a" * 50_000) + " = 1}",
-        "a = " + "9" * 10_000,
-        "a = 1\n" * 300_000,
+        ("a = " + "[" * TOO_DEEP, "nested too deeply", True),
+        ("a = " + "{a=" * TOO_DEEP, "nested too deeply", True),
+        (".".join("a" * 50_000) + " = 1", "a key with too many parts", False),
+        ("a = {b = 1, " + " . ".join("a" * 50_000) + " = 1}", "a key with too many parts", False),
+        ("a = " + "9" * 10_000, r"the limit \(4300 digits\)", True),
+        ("a = 1\n" * 300_000, "expected at most 1 MiB, got 1800000 bytes", False),
     ],
     ids=["lists", "tables", "dots", "inner-dots", "digits", "large"],
 )
 @pytest.mark.parametrize("kind", [DetectorConfig, RunConfig])
-def test_toml_that_is_too_deep_or_too_large_is_one_line(text: str, kind: type, tmp_path: Path) -> None:
+def test_toml_that_is_too_deep_or_too_large_is_one_line(
+    text: str, refused: str, is_parsed: bool, kind: type, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the parser would need minutes or gigabytes for never comes to it."""
     path = tmp_path / "config.toml"
     path.write_text(text)
-    began_s = time.monotonic()
-    with pytest.raises(RallyscopeError) as caught:
+    parsed: list[str] = []
+    loads = tomllib.loads
+    monkeypatch.setattr(tomllib, "loads", lambda text: (parsed.append(text), loads(text))[1])
+    with pytest.raises(RallyscopeError, match=refused) as caught:
         load_config(kind, path)
-    assert "\n" not in str(caught.value) and time.monotonic() - began_s < SECONDS
+    assert "\n" not in str(caught.value) and parsed == [text] * is_parsed
 
 
 @pytest.mark.parametrize(
-    "rest",
+    ("rest", "refused"),
     [
-        "image_width: *j\nimage_height: *j\ncamera_matrix: *j\ndistortion_coefficients: *j",
-        "camera_matrix: !!opencv-matrix {rows: *j, cols: *j, dt: d, data: *j}",
-        "cam0: {camera_model: *j, intrinsics: *j, resolution: *j, distortion_model: radtan, distortion_coeffs: *j}",
-        "k: " + "[" * TOO_DEEP,
+        (
+            "image_width: *j\nimage_height: *j\ncamera_matrix: *j\ndistortion_coefficients: *j",
+            "image_width is not a whole number",
+        ),
+        ("camera_matrix: !!opencv-matrix {rows: *j, cols: *j, dt: d, data: *j}", "for which picture size it is"),
+        (
+            "cam0: {camera_model: *j, intrinsics: *j, resolution: *j, distortion_model: radtan, distortion_coeffs: *j}",
+            "unsupported camera model",
+        ),
+        ("k: " + "[" * TOO_DEEP, "neither TOML nor YAML"),
     ],
 )
-def test_yaml_whose_anchors_name_billions_is_one_line(rest: str, tmp_path: Path) -> None:
+def test_yaml_whose_anchors_name_billions_is_one_line(rest: str, refused: str, tmp_path: Path) -> None:
     path = tmp_path / "rig.yaml"
     path.write_text(ALIASES + rest)
-    began_s = time.monotonic()
-    with pytest.raises(RallyscopeError) as caught:
+    with pytest.raises(RallyscopeError, match=refused) as caught:
         load_calibration(path)
-    assert len(str(caught.value)) < 3000 and time.monotonic() - began_s < SECONDS
+    assert len(str(caught.value)) < 3000
 
 
 ENTITIES = '<!DOCTYPE l [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;">]><annotation><folder>&b;</folder></annotation>'
@@ -165,9 +175,7 @@ def test_xml_neither_expands_nor_fetches_nor_nests_without_end(text: str) -> Non
 
 
 def test_a_huge_attribute_is_only_a_long_text() -> None:
-    began_s = time.monotonic()
     assert len(parse_xml(f"<a b='{'x' * 10_000_000}'/>").attribute("b")) == 10_000_000
-    assert time.monotonic() - began_s < SECONDS
 
 
 def test_a_policy_that_is_a_pickle_is_refused(tmp_path: Path) -> None:
@@ -196,6 +204,6 @@ def test_an_archive_that_unpacks_to_more_than_the_memory_is_refused_before_it_do
         "sys.exit(main(['info', sys.argv[1]]))"
     )
     ended = subprocess.run(
-        [sys.executable, "-c", code, str(path)], capture_output=True, text=True, timeout=SECONDS, cwd=ROOT
+        [sys.executable, "-c", code, str(path)], capture_output=True, text=True, timeout=PATIENCE_S, cwd=ROOT
     )
     assert ended.returncode == 2 and ended.stderr.count("\n") == 1, ended.stderr[-500:]

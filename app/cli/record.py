@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from app.cli.arguments import PositiveFloat, flag
-from app.cli.ending import end_event
+from app.cli.ending import EndRequest, end_event
 from app.cli.event_cameras import (
     CAMERA,
     CameraArguments,
@@ -113,7 +112,7 @@ def _open_source(source: str, order: CameraOrder | None, *, loop: bool) -> LiveS
     return SimulationClient(source)
 
 
-def _wait(ended: threading.Event, seconds: float | None, over: Callable[[], bool], tell: Callable[[], str]) -> None:
+def _wait(ended: EndRequest, seconds: float | None, over: Callable[[], bool], tell: Callable[[], str]) -> None:
     """Until it is enough, or there is nothing more."""
     began_s = reported_s = time.monotonic()
     while not over() and (seconds is None or time.monotonic() - began_s < seconds):

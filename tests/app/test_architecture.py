@@ -8,7 +8,10 @@ import warnings
 from collections import defaultdict
 from itertools import pairwise
 
+import pytest
+
 from tests.sources import PARTS, ROOT, SOURCES, name_of, tree_of
+from tests.waiting import PATIENCE_S
 
 LONG_FILE = 600
 """A file of more lines gets a warning, and no more: it may well be one topic."""
@@ -28,7 +31,7 @@ STORED_NAMES = {"core/robot/robot_messages.py: said", "app/cli/ball_states.py: t
 def test_the_light_parts_load_without_the_heavy_ones() -> None:
     code = "import core.events, core.recordings, core.detection, core.tuning, labels, sys; print(*sys.modules)"
     loaded = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=PATIENCE_S
     ).stdout
     assert not {"torch", "mujoco", "viser", "rerun", "optuna"} & set(loaded.split())
 
@@ -53,6 +56,7 @@ def test_long_files_are_pointed_out() -> None:
             warnings.warn(f"{name_of(path)} has {lines} lines, more than {LONG_FILE}: is it one topic?", stacklevel=1)
 
 
+@pytest.mark.gate
 def test_a_function_fits_on_a_screen() -> None:
     lengths = {
         f"{name_of(path)}: {node.name}": (node.end_lineno or 0) - node.lineno + 1

@@ -3,7 +3,6 @@
 import shutil
 import subprocess
 import sys
-import time
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,8 +18,7 @@ from app.shared.workspace import Workspace
 from app.state.commands import SetMode, StepTime
 from app.web import open_gateway
 from benchmarks.app.bare_browser import BareBrowser
-
-PATIENCE_S = 120.0
+from tests.waiting import PATIENCE_S, eventually
 
 
 @pytest.fixture
@@ -28,7 +26,7 @@ def served(tmp_path: Path, serve_recording: Path) -> Iterator[tuple[App, BareBro
     """An app, and a browser that was there before it."""
     front = open_gateway("127.0.0.1", 0)
     browser = BareBrowser(front.server.get_port())
-    browser.wait_until(front.server.get_clients, "the page", PATIENCE_S)
+    eventually(front.server.get_clients, "the page")
     workspace = Workspace(tmp_path / "data")
     shutil.copy(serve_recording, workspace.recording_path("serve"))
     app = App(workspace, Library(workspace), "serve", host="127.0.0.1", port=0, front=front)
@@ -38,7 +36,7 @@ def served(tmp_path: Path, serve_recording: Path) -> Iterator[tuple[App, BareBro
 
 
 def tuning(app: App, browser: BareBrowser) -> Session:
-    session = browser.wait_session(app)
+    session = browser.wait_session(app, PATIENCE_S)
     session.send(SetMode("Tune"))
     browser.wait_picture(PATIENCE_S)
     browser.wait_quiet(PATIENCE_S)
@@ -55,13 +53,11 @@ def test_a_picture_does_not_wait_until_viser_has_rested(served: tuple[App, BareB
     app, browser = served
     session = tuning(app, browser)
     states = app.viser_server._websock_server._client_state_from_id
-    states[session.client.client_id].message_buffer.window_duration_sec = PATIENCE_S
-    began_s = time.monotonic()
+    states[session.client.client_id].message_buffer.window_duration_sec = 1e6  # longer than any patience
     for step in (1, -1, 1):
         seen = browser.pictures
         session.send(StepTime(step))
         browser.wait_picture(PATIENCE_S, after=seen)
-    assert time.monotonic() - began_s < PATIENCE_S / 2
 
 
 def test_icons_are_visers_and_its_archive_is_read_through_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,10 +74,11 @@ def test_icons_are_visers_and_its_archive_is_read_through_once(monkeypatch: pyte
         server.stop()
 
 
+@pytest.mark.gate
 def test_the_app_starts_without_what_its_first_picture_does_not_need() -> None:
     code = "import app.cli.serve, app.startup.startup, app.server, sys; print(*sys.modules)"
     loaded = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=PATIENCE_S
     ).stdout.split()
     heavy = {"av", "matplotlib", "mujoco", "rerun", "scipy.interpolate", "scipy.optimize", "scipy.special"}
     assert not (heavy | {"scipy.spatial", "scipy.stats", "sklearn", "torch"}) & set(loaded)

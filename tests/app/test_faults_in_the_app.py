@@ -31,8 +31,7 @@ from core.detection import DetectorConfig, refined_config
 from core.detection.saved import SavedDetector
 from core.errors import CommandError
 from core.files import PREFIX
-
-PATIENCE_S = 120.0
+from tests.waiting import PATIENCE_S, eventually
 
 
 class Listener(BareBrowser):
@@ -60,13 +59,6 @@ class Listener(BareBrowser):
             self.told.append(f"{message['props']['title']}: {message['props']['body']}")
 
 
-def wait_for(condition: Callable[[], object], what: str) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline, f"waited for {what}"
-        time.sleep(0.02)
-
-
 @pytest.fixture
 def workspace(tmp_path: Path, serve_recording: Path) -> Workspace:
     workspace = Workspace(tmp_path / "data")
@@ -89,7 +81,7 @@ def state_of(session: Session) -> ClientState:
 
 
 def tuning(lab: App, browser: BareBrowser) -> Session:
-    session = browser.wait_session(lab)
+    session = browser.wait_session(lab, PATIENCE_S)
     session.send(SetMode("Tune"))
     browser.wait_picture(PATIENCE_S)
     return session
@@ -121,12 +113,12 @@ def test_a_recording_that_is_harmed_while_it_is_open_harms_nothing_else(
         for share in (0.9, 0.1, 0.5):
             seen, told = browser.pictures, len(browser.told)
             session.send(Seek(int(share * duration_us)))
-            wait_for(lambda seen=seen, told=told: browser.pictures > seen or len(browser.told) > told, "any answer")
+            eventually(lambda seen=seen, told=told: browser.pictures > seen or len(browser.told) > told, "any answer")
         seen = browser.pictures
         session.open_recording("b")
-        wait_for(lambda: state_of(session).recording == "b", "the other recording")
+        eventually(lambda: state_of(session).recording == "b", "the other recording")
         session.send(Seek(int(0.3 * duration_us)))  # the two are the same: another time is another picture
-        wait_for(lambda: browser.pictures > seen, "a picture of the other recording")
+        eventually(lambda: browser.pictures > seen, "a picture of the other recording")
         assert all("\n" not in note and "This is a bug" not in note for note in browser.told), browser.told
         assert not [record for record in caplog.records if record.levelno >= logging.ERROR], caplog.text
     finally:
@@ -137,7 +129,7 @@ def test_a_browser_that_reads_nothing_costs_little_and_slows_no_one_down(lab: Ap
     reader = Listener(lab.port)
     stalled = [Listener(lab.port, reads=False) for _ in range(3)]
     try:
-        wait_for(lambda: len(lab.sessions) == 4 and all(one.state is not None for one in lab.sessions), "all of them")
+        eventually(lambda: len(lab.sessions) == 4 and all(one.state is not None for one in lab.sessions), "all of them")
         for session in lab.sessions:
             session.send(SetMode("Tune"))
         reader.wait_picture(PATIENCE_S)
@@ -148,7 +140,7 @@ def test_a_browser_that_reads_nothing_costs_little_and_slows_no_one_down(lab: Ap
                 seen = reader.pictures
                 for session in lab.sessions:
                     session.send(Seek(20_000 + 997 * (number % 100)))
-                wait_for(lambda seen=seen: reader.pictures > seen, "a picture")
+                eventually(lambda seen=seen: reader.pictures > seen, "a picture")
 
         pictures(60)
         waiting = [len(s.client._websock_connection._state.message_buffer.message_from_id) for s in lab.sessions]
@@ -166,23 +158,23 @@ def test_a_browser_that_comes_back_finds_what_it_had(lab: App, away_s: float, mo
     edited = replace_setting(DetectorConfig(), ("cluster", "eps_px"), 4.5)
     browser = Listener(lab.port, cookie=cookie)
     session = tuning(lab, browser)
-    time.sleep(1.1)  # what was found is what changes are told from
+    eventually(lambda: session.page._kept, "what was found to be noted")  # changes are told from it
     session.send(UseConfig(edited))
     session.send(Seek(123_000))
-    wait_for(
+    eventually(
         lambda: state_of(session).config == edited and state_of(session).playhead.anchor_us == 123_000, "the changes"
     )
     had = state_of(session)
     link = link_of(had, 123_000)
     browser.close()
-    wait_for(lambda: not lab.sessions, "it to be gone")
+    eventually(lambda: not lab.sessions, "it to be gone")
     monotonic, wall = time.monotonic, time.time
     monkeypatch.setattr(time, "monotonic", lambda: monotonic() + away_s)
     monkeypatch.setattr(time, "time", lambda: wall() + away_s)
     again = Listener(lab.port, cookie=cookie, link=link)
     try:
-        session = again.wait_session(lab)
-        wait_for(lambda: state_of(session).playhead.anchor_us == 123_000, "its link to be followed")
+        session = again.wait_session(lab, PATIENCE_S)
+        eventually(lambda: state_of(session).playhead.anchor_us == 123_000, "its link to be followed")
         state = state_of(session)
         assert state.config == edited and state.mode == "Tune" and state.recording == "a"
         assert state.history.undo().present.a == had.history.undo().present.a == refined_config()
@@ -216,7 +208,7 @@ def test_two_servers_on_one_folder_show_each_others_work_and_take_nothing_away(l
             session = tuning(app, browser)
             config = replace_setting(DetectorConfig(), ("cluster", "eps_px"), 4.0 + number)
             session.send(UseConfig(config))
-            wait_for(lambda session=session, config=config: state_of(session).config == config, "the config")
+            eventually(lambda session=session, config=config: state_of(session).config == config, "the config")
             app.services.workspace.keep_config("mine", SavedDetector("auto", config))
         assert set(workspace.config_names()) == {"mine", "mine-2"}
         assert (receiving / "half.raw").exists() and receiving.name.startswith(PREFIX)

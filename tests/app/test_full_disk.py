@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.waiting import PATIENCE_S
+
 FILLS = """
 import os, shutil, sys
 from pathlib import Path
@@ -74,6 +76,7 @@ print("configs", workspace.config_names(), kept.stat().st_size > 0, flush=True)
 MOUNTED = 'mount -t tmpfs -o size=12m tmpfs "$1" || exit 77; shift; exec "$@"'
 
 
+@pytest.mark.gate
 def test_a_disk_that_is_really_full_loses_nothing_and_says_so_in_one_line(tmp_path: Path) -> None:
     if shutil.which("unshare") is None:
         pytest.skip("no unshare here: a disk of one's own cannot be mounted")
@@ -95,7 +98,7 @@ def test_a_disk_that_is_really_full_loses_nothing_and_says_so_in_one_line(tmp_pa
         str(events),
     ]
     environment = os.environ | {"PYTHONPATH": os.getcwd()}
-    ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300, env=environment)
+    ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S, env=environment)
     if ended.returncode == 77 or "unshare" in ended.stderr:
         pytest.skip(f"mounting is not allowed here: {ended.stderr.strip()[:200]}")
     assert ended.returncode == 0 and "Traceback" not in ended.stderr, ended.stderr

@@ -4,14 +4,13 @@ import errno
 import os
 import subprocess
 import sys
-import threading
-import time
 from pathlib import Path
 
 import pytest
 
 from core import files
 from tests.processes import is_alive
+from tests.waiting import PATIENCE_S, eventually
 
 STARTS_A_CHILD = """
 import multiprocessing, subprocess, sys, time
@@ -28,7 +27,10 @@ if __name__ == "__main__":
         child.start()
         queue.get()
     else:
-        code = "import time, core.files; core.files.end_with_parent(); print(1, flush=True); time.sleep(60)"
+        code = (
+            "import time, core.files; core.files.GIVES_UP_AFTER_S = 0.1; core.files.end_with_parent(); "
+            "print(1, flush=True); time.sleep(60)"  # an interrupt does not end a sleep: what is given up on
+        )
         child = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         child.stdout.readline()
     print(child.pid, flush=True)
@@ -111,7 +113,7 @@ def test_what_a_killed_writer_left_goes_at_once_and_what_is_being_written_stays(
         files.clear_unfinished(tmp_path)
         assert theirs.exists() and ours.exists()
         other.stdin.close()
-        assert other.wait(300) == 0
+        assert other.wait(PATIENCE_S) == 0
     assert sorted(os.listdir(tmp_path)) == ["a", "b"] and (tmp_path / "a").read_bytes() == b"half"
 
 
@@ -223,11 +225,19 @@ def test_who_only_asks_does_not_keep_another_from_the_lock(tmp_path: Path, monke
     with lock.open("rb") as file:
         files.lock_descriptor(file.fileno(), shared=True)
         assert not files.is_held(lock), "two may ask at a time"
-        asked = threading.Timer(files.PROBE_S / 4, file.close)
-        monkeypatch.setattr(files, "PROBE_S", 30.0)  # the timer may be late
-        asked.start()
+        flock = files.fcntl.flock
+
+        def let_go_when_refused(descriptor: int, operation: int) -> None:
+            try:
+                flock(descriptor, operation)
+            except BlockingIOError:
+                file.close()
+                raise
+
+        monkeypatch.setattr(files.fcntl, "flock", let_go_when_refused)
+        monkeypatch.setattr(files, "PROBE_S", PATIENCE_S)
         with files.hold(lock):
-            asked.join()
+            assert file.closed, "the first attempt was refused"
 
 
 def test_a_file_itself_is_locked_for_one_or_for_those_that_share_it(tmp_path: Path) -> None:
@@ -255,10 +265,7 @@ def test_a_child_ends_when_its_parent_is_killed(kind: str, tmp_path: Path) -> No
         child = int(parent.stdout.readline())
         assert is_alive(child)
         parent.kill()
-    deadline_s = time.monotonic() + 300
-    while is_alive(child) and time.monotonic() < deadline_s:
-        time.sleep(0.02)
-    assert not is_alive(child)
+    eventually(lambda: not is_alive(child), "the child to end")
 
 
 def test_saving_a_config_does_not_load_the_library_of_locks() -> None:

@@ -14,6 +14,7 @@ from core.geometry import (
     transform_points,
 )
 
+pytestmark = pytest.mark.numeric
 QUARTER_TURN_Z = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
 
 

@@ -48,6 +48,7 @@ def test_a_second_process_compiles_nothing(package, tmp_path) -> None:
     ("file", "before", "after"),
     [("called.py", "FACTOR * x", "FACTOR * x + 1"), ("table.py", "FACTOR = 2", "FACTOR = 2.5")],
 )
+@pytest.mark.gate
 def test_an_edit_reaches_callers_in_other_files(package, tmp_path, file, before, after) -> None:
     assert run(package, tmp_path / "cache")[0] == 6
     source = package / "rooms" / file
@@ -57,6 +58,7 @@ def test_an_edit_reaches_callers_in_other_files(package, tmp_path, file, before,
     assert run(package, tmp_path / "cache")[:2] == (6, 0)  # what was compiled for the old text is still there
 
 
+@pytest.mark.gate
 def test_damaged_files_are_compiled_again(package, tmp_path) -> None:
     run(package, tmp_path / "cache")
     kept = list((tmp_path / "cache").rglob("*.kernel"))

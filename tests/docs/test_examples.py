@@ -19,6 +19,7 @@ from core.data_sets.plan import Making
 from core.events import SensorSize
 from core.recordings import open_recording
 from labels import LabelStore
+from tests.waiting import PATIENCE_S
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "docs" / "examples"
@@ -32,7 +33,7 @@ def run_script(script: Path, *arguments: object, folder: Path | None = None) -> 
         [sys.executable, str(script), *map(str, arguments)],
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=PATIENCE_S,
         cwd=folder or ROOT,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
     )
@@ -127,7 +128,7 @@ def test_four_cameras_are_imported_calibrated_labelled_tracked_and_exported(tmp_
     """
     done = subprocess.run(
         ["bash", str(EXAMPLES / "four_cameras.sh"), str(tmp_path / "out")],
-        capture_output=True, text=True, timeout=400, cwd=tmp_path,
+        capture_output=True, text=True, timeout=PATIENCE_S, cwd=tmp_path,
         env={**os.environ, "PYTHONPATH": str(ROOT), "RALLYSCOPE": f"{sys.executable} -m app.cli"},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -154,11 +155,12 @@ def test_four_cameras_are_imported_calibrated_labelled_tracked_and_exported(tmp_
     assert (out / "rally.rrd").stat().st_size > 100_000
 
 
+@pytest.mark.gate
 def test_a_stereo_pair_goes_from_event_files_to_a_prediction(tmp_path: Path) -> None:
     """The verbs read what the others write; the prediction is held against the truth, which they did not see."""
     done = subprocess.run(
         ["bash", str(EXAMPLES / "stereo_pair.sh"), str(tmp_path / "out")],
-        capture_output=True, text=True, timeout=300, cwd=tmp_path,
+        capture_output=True, text=True, timeout=PATIENCE_S, cwd=tmp_path,
         env={**os.environ, "PYTHONPATH": str(ROOT), "RALLYSCOPE": f"{sys.executable} -m app.cli"},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

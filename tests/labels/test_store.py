@@ -272,6 +272,7 @@ with LabelStore.open(Path(sys.argv[1]), "9f3c-1", "left", name) as store:
 """
 
 
+@pytest.mark.gate
 def test_eight_annotators_in_processes_of_their_own_write_at_once_and_none_is_lost_or_doubled(tmp_path: Path) -> None:
     names, count = [f"annotator {k}" for k in range(8)], 40
     writers = [

@@ -153,16 +153,18 @@ class SimulationServer:
         recorded: RecordedServes | None = None,
         preparing: KernelProgress = lambda ready, known: None,
         keys: ServerKeys | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Port 0 takes any two free ports. With `recorded`, the balls that are drawn are of those.
 
         `preparing` hears, from another thread, how far the compiler is. With `keys` only their clients are served.
+        `clock` is the wall time that the simulation keeps to, s.
 
         Raises:
             LinkError: if the ports cannot be had, or others could reach them without keys.
         """
         check_reach(split_address(address)[0], keys)
-        self._config, self._cameras, self._recorded = config, dict(cameras), recorded
+        self._config, self._cameras, self._recorded, self._clock = config, dict(cameras), recorded, clock
         self._context = zmq.Context()
         self._gateway = LinkGateway(self._context, keys)
         self.rejected = 0
@@ -188,7 +190,7 @@ class SimulationServer:
     @property
     def attended(self) -> bool:
         """Whether there is a subscriber or a recent command."""
-        return bool(self._topics - {m.ALIVE}) or time.monotonic() - self._commanded_s < COMMANDED_S
+        return bool(self._topics - {m.ALIVE}) or self._clock() - self._commanded_s < COMMANDED_S
 
     def prepare(self) -> None:
         """Compile all that a rally needs, if this machine has not done so before."""
@@ -253,7 +255,7 @@ class SimulationServer:
 
     def _anchor(self) -> None:
         """Set the current simulated time as the reference for wall time."""
-        self._anchor_s, self._anchor_us = time.monotonic(), self._world.now_us
+        self._anchor_s, self._anchor_us = self._clock(), self._world.now_us
 
     def _due_s(self, t_us: int) -> float:
         return self._anchor_s + (t_us - self._anchor_us) * 1e-6 / (self._speed * self._pace.share)
@@ -262,15 +264,15 @@ class SimulationServer:
         """One block, or a short wait for commands while paused. A block is computed while it lasts."""
         self._hear_of_subscribers()
         if not self.attended or (self._paused and not self._steps):
-            self._take_commands(time.monotonic() + HEARTBEAT_S / 2)
+            self._take_commands(self._clock() + HEARTBEAT_S / 2)
             self._beat()
             self._anchor()
             return
-        self._take_commands(time.monotonic())
+        self._take_commands(self._clock())
         self._serve_by_itself()
-        session, began_s = self._session, time.monotonic()
+        session, began_s = self._session, self._clock()
         block = self._world.advance()
-        spent_s = max(time.monotonic() - began_s, 1e-6)
+        spent_s = max(self._clock() - began_s, 1e-6)
         self._factor = (
             0.9 * self._factor + 0.1 * BLOCK_US * 1e-6 / spent_s if self._factor else BLOCK_US * 1e-6 / spent_s
         )
@@ -278,17 +280,17 @@ class SimulationServer:
             self._steps -= 1
             self._anchor()
         else:
-            while (due_s := self._due_s(block.end_us)) > time.monotonic() and not self._paused:
-                self._take_commands(min(due_s, time.monotonic() + HEARTBEAT_S))
+            while (due_s := self._due_s(block.end_us)) > self._clock() and not self._paused:
+                self._take_commands(min(due_s, self._clock() + HEARTBEAT_S))
                 if self._session != session:
                     return
-                if due_s > time.monotonic() + HEARTBEAT_S:
+                if due_s > self._clock() + HEARTBEAT_S:
                     self._beat()
-            if time.monotonic() - due_s > LATE_S:
+            if self._clock() - due_s > LATE_S:
                 self._anchor()
         self._publish(block)
         if not self._paused:
-            self._keep_pace(spent_s, time.monotonic() - began_s)
+            self._keep_pace(spent_s, self._clock() - began_s)
 
     def _keep_pace(self, spent_s: float, passed_s: float) -> None:
         """Adapt the rate to this machine; above real time it runs as fast as possible."""
@@ -320,7 +322,7 @@ class SimulationServer:
             self._returned += judged.outcome.case == Case.RETURNED
             self._send("outcome", outcome_notice(judged, self._session, self._next()))
         self._send("state", self._state(block))
-        if m.ALIVE in self._topics and time.monotonic() - self._alive_s >= HEARTBEAT_S:
+        if m.ALIVE in self._topics and self._clock() - self._alive_s >= HEARTBEAT_S:
             self._send_alive()
 
     def _state(self, block: Block | None) -> m.WorldState:
@@ -363,20 +365,20 @@ class SimulationServer:
 
     def _send(self, topic: str, message: object) -> None:
         self._published.send_multipart([topic.encode(), m.encode(message)])  # PUB drops messages instead of waiting
-        self._beat_s = time.monotonic()
+        self._beat_s = self._clock()
 
     def _beat(self) -> None:
-        if time.monotonic() - self._beat_s >= HEARTBEAT_S:
+        if self._clock() - self._beat_s >= HEARTBEAT_S:
             # While a block waits for its time the world is ahead of what was published: no rows, only a sign of life.
             self._send_alive()
 
     def _send_alive(self) -> None:
         self._published.send_multipart([m.ALIVE, m.encode(self._state(None))])
-        self._beat_s = self._alive_s = time.monotonic()
+        self._beat_s = self._alive_s = self._clock()
 
     def _take_commands(self, until_s: float) -> None:
         """Answer pending commands, and those that arrive until a time."""
-        while self._commands.poll(max(0, round((until_s - time.monotonic()) * 1e3))):
+        while self._commands.poll(max(0, round((until_s - self._clock()) * 1e3))):
             *envelope, data = self._commands.recv_multipart()
             reply = self._answer(data)
             self._commands.send_multipart([*envelope, m.encode(reply)], zmq.NOBLOCK)
@@ -388,7 +390,7 @@ class SimulationServer:
             self.rejected += 1
             return self._reply(0, str(error)[:1000])
         if not isinstance(command, m.Hello):  # a handshake does not count as use
-            self._commanded_s = time.monotonic()
+            self._commanded_s = self._clock()
         try:
             self._obey(command)
         except RallyscopeError as error:

@@ -4,6 +4,7 @@ import threading
 import pytest
 
 from app.background.child import ChildProcess, share_in
+from tests.waiting import PATIENCE_S
 
 
 def test_what_a_child_says_is_heard_line_by_line_and_its_end_is_told() -> None:
@@ -19,7 +20,7 @@ def test_a_child_that_is_stopped_leaves_nothing_open() -> None:
     ended = threading.Event()
     child = ChildProcess("json.tool", on_end=ended.set)  # which waits for its input
     child.stop()
-    assert ended.wait(300) and child.wait() != 0
+    assert ended.wait(PATIENCE_S) and child.wait() != 0
     del child
     gc.collect()
 

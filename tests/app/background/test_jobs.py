@@ -3,6 +3,7 @@ import threading
 from collections.abc import Callable
 
 from app.background.jobs import Job, LoopJob
+from tests.waiting import PATIENCE_S
 
 
 def test_a_job_reports_progress_and_delivers_its_result() -> None:
@@ -14,7 +15,7 @@ def test_a_job_reports_progress_and_delivers_its_result() -> None:
         return 7
 
     job = Job(work, results.append, lambda error: None)
-    assert job.wait(300)
+    assert job.wait(PATIENCE_S)
     assert results == [7] and job.share == 0.5 and not job.running
 
 
@@ -29,15 +30,15 @@ def test_a_cancelled_job_delivers_nothing() -> None:
         return 7
 
     job = Job(work, results.append, results.append)
-    assert running.wait(300)
+    assert running.wait(PATIENCE_S)
     job.cancel()
-    assert job.wait(300) and results == []
+    assert job.wait(PATIENCE_S) and results == []
 
 
 def test_a_failing_job_delivers_its_error() -> None:
     errors: list[Exception] = []
     job = Job(lambda progress, cancelled: 1 // 0, lambda result: None, errors.append)
-    assert job.wait(300) and isinstance(errors[0], ZeroDivisionError)
+    assert job.wait(PATIENCE_S) and isinstance(errors[0], ZeroDivisionError)
 
 
 class Loop:
@@ -50,7 +51,7 @@ class Loop:
 
     def turn(self) -> None:
         """Wait for what comes next, and do it."""
-        self._inbox.get(timeout=300)()
+        self._inbox.get(timeout=PATIENCE_S)()
 
 
 def test_a_loop_handles_the_result_of_its_job_after_the_end_of_it() -> None:
@@ -72,12 +73,12 @@ def test_what_is_cancelled_after_its_last_step_is_not_handled_and_another_can_be
     loop, over = Loop(), threading.Event()
 
     def work(progress, cancelled) -> int:
-        over.wait(300)
+        over.wait(PATIENCE_S)
         return 7
 
     loop.job.start(work, loop.said.append)
     over.set()
-    handle = loop._inbox.get(timeout=300)  # the result is on its way to the loop
+    handle = loop._inbox.get(timeout=PATIENCE_S)  # the result is on its way to the loop
     loop.job.cancel()
     handle()
     assert loop.said == ["ended"] and not loop.job.running

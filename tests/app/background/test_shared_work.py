@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from app.background.jobs import SharedWork
+from tests.waiting import PATIENCE_S
 
 
 def test_many_who_ask_at_once_get_the_answer_of_one() -> None:
@@ -15,20 +16,20 @@ def test_many_who_ask_at_once_get_the_answer_of_one() -> None:
 
     def compute(number: int) -> list[int]:
         asked.append(number)
-        go_on.wait(300)
+        go_on.wait(PATIENCE_S)
         return [number]
 
     work = SharedWork(compute, lambda number: number)
 
     def ask(number: int) -> list[int]:
-        together.wait(300)
+        together.wait(PATIENCE_S)
         return work(number)
 
     with ThreadPoolExecutor(8) as pool:
         answers = [pool.submit(ask, number // 4) for number in range(8)]
-        together.wait(300)
+        together.wait(PATIENCE_S)
         go_on.set()
-        found = [answer.result(30) for answer in answers]
+        found = [answer.result(PATIENCE_S) for answer in answers]
     assert sorted(asked) == [0, 1] and [one for (one,) in found] == [0, 0, 0, 0, 1, 1, 1, 1]
     assert all(found[k] is found[0] for k in range(4))
 

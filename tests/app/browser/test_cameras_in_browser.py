@@ -14,6 +14,7 @@ from core.events import Events
 from core.live.camera_source import CameraSource
 from core.recordings import open_recording
 from tests.core.devices.replayed_hardware import Replayed, ReplayedLibrary
+from tests.waiting import eventually
 
 ROUND_US = 600_000
 
@@ -54,13 +55,13 @@ def camera_lab(tmp_path, library, serve_recording) -> Iterator[App]:
 
 
 def test_cameras_are_watched_their_biases_are_set_and_one_that_is_unplugged_is_said(
-    chromium, camera_lab, library, open_window, wait_for
+    chromium, camera_lab, library, open_window
 ) -> None:
     rally = camera_lab.services.rallies.live
     assert rally is not None
     with open_window(camera_lab, in_space=True) as window:
         page = window.page
-        wait_for(lambda: rally.history.predicted_hits(), "the ball to be seen and predicted")
+        eventually(lambda: rally.history.predicted_hits(), "the ball to be seen and predicted")
         page.get_by_text("live from Prophesee EVK4 0 and Prophesee EVK4 1").wait_for()
         page.get_by_text("ppm against this machine").first.wait_for()
         page.get_by_text("one with left's, by cable").wait_for()
@@ -72,15 +73,15 @@ def test_cameras_are_watched_their_biases_are_set_and_one_that_is_unplugged_is_s
         slider.focus()
         for _ in range(3):
             page.keyboard.press("ArrowRight")
-        wait_for(lambda: device.configuration.biases.diff_on == 3, "the camera to be told")
+        eventually(lambda: device.configuration.biases.diff_on == 3, "the camera to be told")
         page.get_by_role("button", name="Save biases").first.click()
         path = camera_lab.services.workspace.biases_path
-        wait_for(path.exists, "the biases to be saved")
+        eventually(path.exists, "the biases to be saved")
         assert read_biases(path)["Prophesee EVK4 0"]["diff_on"] == 3
         window.screenshot("cameras-watch")
         library.opened[1].unplugged = True
         page.get_by_text("the device was disconnected").wait_for()
         page.get_by_text("Camera right is lost").or_(page.get_by_text("lost, no data for")).first.wait_for()
         since_us = rally.history.followed_us
-        wait_for(lambda: rally.history.followed_us > since_us + 200_000, "the other camera to be followed")
+        eventually(lambda: rally.history.followed_us > since_us + 200_000, "the other camera to be followed")
         window.screenshot("cameras-lost")

@@ -11,37 +11,49 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 import zmq
-from playwright.sync_api import Page
 
-from tests.app.browser.conftest import FEW_FRAMES
+from tests.app.browser.window import FEW_FRAMES, open_page, save_screenshot
+from tests.waiting import PATIENCE_S, eventually
 
 CLI = [sys.executable, "-m", "app.cli"]
-PAGE_WITHIN_S = 60.0
-READY_WITHIN_S = 900.0
-"""On a machine that does other things as well. Nothing in the product gives up after a time."""
-VERB_WITHIN_S = 280
+COLD_S = 1000
+"""For all that is compiled: an upper end, should something hang. Nothing in the product gives up after a time."""
 SIMULATION = "core.simulation.event_cameras"
 """Where the kernels of the simulated cameras come from, among the largest."""
+
+
+def wait_while_it_compiles(until: Callable[[], object], cache: Path, what: str, seen: Callable[[], object]) -> None:
+    """Return once a condition holds; every kernel that is stored meanwhile is worth the patience of a test."""
+
+    def kernels() -> int:
+        return sum(1 for _ in cache.rglob("*.nbc"))
+
+    done = False
+    while not done:
+        before = kernels()
+
+        def gets_on(before: int = before) -> bool:
+            nonlocal done
+            done = bool(until())
+            return done or kernels() > before
+
+        eventually(gets_on, what, seen)
 
 
 class Started:
     """`rallyscope serve` as `make run` starts it, but for the browser that it would open."""
 
-    def __init__(self, folder: Path, *arguments: str, **environment: str) -> None:
-        self.began_s = time.monotonic()
-        self._log = folder / "log"
-        command = [*CLI, "serve", "--port", "0", "--data", str(folder / "data"), *arguments]
+    def __init__(self, folder: Path, cache: Path) -> None:
+        self._log, self._cache = folder / "log", cache
+        command = [*CLI, "serve", "--port", "0", "--data", str(folder / "data")]
         with self._log.open("w") as out:
-            self.process = subprocess.Popen(
-                command, stdout=out, stderr=subprocess.STDOUT, env={**os.environ, **environment}
-            )
+            self.process = subprocess.Popen(command, stdout=out, stderr=subprocess.STDOUT, env=environment_of(cache))
 
     @property
     def said(self) -> str:
@@ -49,23 +61,30 @@ class Started:
 
     def address(self) -> str:
         """Of the page, as soon as it is said."""
-        while time.monotonic() - self.began_s < PAGE_WITHIN_S and self.process.poll() is None:
-            found = re.search(r"http://\S+", self.said)
-            if found:
-                return found.group()
-            time.sleep(0.1)
-        raise AssertionError(self.said)
 
-    def wait(self, page: Page, until: Callable[[], bool]) -> None:
-        """For what comes when everything has been compiled."""
-        while not until():
-            assert time.monotonic() - self.began_s < READY_WITHIN_S, self.said
+        def address() -> re.Match[str] | None:
             assert self.process.poll() is None, self.said
-            page.wait_for_timeout(200)
+            return re.search(r"http://\S+", self.said)
+
+        return eventually(address, "the address of the page", lambda: self.said).group()
+
+    def wait(self, until: Callable[[], bool], what: str) -> None:
+        """For what comes when everything has been compiled."""
+
+        def is_there() -> bool:
+            assert self.process.poll() is None, self.said
+            return until()
+
+        wait_while_it_compiles(is_there, self._cache, what, lambda: self.said)
 
     def end(self) -> None:
         self.process.send_signal(signal.SIGTERM)
-        assert self.process.wait(300) == 0, self.said
+        assert self.process.wait(PATIENCE_S) == 0, self.said
+
+
+def environment_of(cache: Path) -> dict[str, str]:
+    """That of a process with compiled kernels of its own, not this user's."""
+    return {**os.environ, "NUMBA_CACHE_DIR": str(cache)}
 
 
 @pytest.fixture(scope="module")
@@ -77,24 +96,24 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def cold(tmp_path, cache) -> Iterator[Started]:
     assert not list(cache.iterdir()), "this test is the first"
-    started = Started(tmp_path, NUMBA_CACHE_DIR=str(cache))
+    started = Started(tmp_path, cache)
     yield started
     started.process.kill()
 
 
-@pytest.mark.timeout(1000)
-def test_the_first_start_shows_a_page_then_a_returned_ball(cold, chromium, tmp_path, save_screenshot) -> None:
-    page = chromium.new_page(viewport={"width": 1280, "height": 720})
+@pytest.mark.timeout(COLD_S)
+def test_the_first_start_shows_a_page_then_a_returned_ball(cold, chromium, tmp_path) -> None:
+    page = open_page(chromium)
     page.add_init_script(FEW_FRAMES)  # drawing has its turn, but compiling is what is waited for
-    page.goto(cold.address(), timeout=90_000)
-    page.get_by_text("Compiling the simulation").wait_for(timeout=90_000)
-    page.get_by_text(re.compile(r"^\d+%$")).first.wait_for(timeout=90_000)
+    page.goto(cold.address())
+    page.get_by_text("Compiling the simulation").wait_for()
+    page.get_by_text(re.compile(r"^\d+%$")).first.wait_for()
     save_screenshot(page, "cold-preparing")
     returned = page.get_by_text(re.compile(r"^[1-9]\d* of \d+$"))  # counted by controller and scene
-    cold.wait(page, lambda: returned.count() > 0)
+    cold.wait(lambda: returned.count() > 0, "a ball to be returned")
     first = save_screenshot(page, "cold-returned")
-    cold.wait(page, lambda: _differ(first, save_screenshot(page, "cold-returned-later")))
-    cold.wait(page, page.get_by_text("Getting ready").is_hidden)  # the demo recording is made, too
+    cold.wait(lambda: _differ(first, save_screenshot(page, "cold-returned-later")), "the scene to move")
+    cold.wait(page.get_by_text("Getting ready").is_hidden, "everything to be ready")  # the demo recording is made, too
     assert (tmp_path / "data" / "recordings" / "demo.h5").exists()
     page.close()
     cold.end()
@@ -109,22 +128,32 @@ def _differ(first: np.ndarray, second: np.ndarray) -> bool:
     return np.count_nonzero(np.abs(first.astype(int) - second).max(axis=-1) > 40) > 50
 
 
-def run(arguments: list[str], cache: Path) -> subprocess.CompletedProcess:
-    """A verb that works with a cache of compiled kernels that is not this user's."""
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache)}
-    done = subprocess.run([*CLI, *arguments], capture_output=True, text=True, env=environment, timeout=VERB_WITHIN_S)
-    assert done.returncode == 0, done.stderr
-    return done
+def run(command: list[str], cache: Path, folder: Path) -> str:
+    """What a process says that works with a cache of compiled kernels that is not this user's."""
+    said, complained = folder / "said", folder / "complained"
+    with said.open("w") as out, complained.open("w") as err:
+        process = subprocess.Popen(command, stdout=out, stderr=err, env=environment_of(cache))
+    try:
+        ended = lambda: process.poll() is not None  # noqa: E731
+        wait_while_it_compiles(ended, cache, f"the end of {command}", complained.read_text)
+    finally:
+        process.kill()
+    assert process.wait(PATIENCE_S) == 0, complained.read_text()
+    return said.read_text()
 
 
-def test_a_client_of_a_server_that_compiles_gets_its_answer(cache) -> None:
+@pytest.mark.timeout(COLD_S)
+def test_a_client_of_a_server_that_compiles_gets_its_answer(cache, tmp_path) -> None:
     for kernels in cache.glob(f"*/{SIMULATION}*"):  # so that there is something left to compile
         shutil.rmtree(kernels)
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache)}
     port = free_pair_of_ports()
     bind = ["--bind", f"tcp://127.0.0.1:{port}", "--sensor", "64x48"]
     server = subprocess.Popen(
-        [*CLI, "sim-server", *bind], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+        [*CLI, "sim-server", *bind],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment_of(cache),
     )
     asking = (
         "import sys, time; from core.live.link.client import SimulationClient; from core.errors import NoAnswerError\n"
@@ -135,18 +164,12 @@ def test_a_client_of_a_server_that_compiles_gets_its_answer(cache) -> None:
         "assert client.serve().ok; client.close(); print(len(shares), len(set(shares)), max(shares))"
     )
     try:
-        done = subprocess.run(
-            [sys.executable, "-c", asking, f"tcp://127.0.0.1:{port}"],
-            capture_output=True,
-            text=True,
-            timeout=VERB_WITHIN_S,
-        )
-        assert done.returncode == 0, done.stderr
-        answers, steps, share = done.stdout.split()
+        answer = run([sys.executable, "-c", asking, f"tcp://127.0.0.1:{port}"], cache, tmp_path)
+        answers, steps, share = answer.split()
         assert int(answers) > 5 and int(steps) > 2 and 0 < float(share) <= 1, "it hears how far the server is"
     finally:
         server.send_signal(signal.SIGTERM)
-        said, complained = server.communicate(timeout=60)
+        said, complained = server.communicate(timeout=PATIENCE_S)
     assert server.returncode == 0
     assert said.startswith(f"The simulation is at tcp://127.0.0.1:{port}")
     assert "compiling, on the first start only" in complained
@@ -156,28 +179,32 @@ def rows(path: Path) -> int:
     return len(path.read_text().splitlines()) - 1
 
 
+@pytest.mark.timeout(COLD_S)
 def test_track(serve_recording, tmp_path, cache) -> None:
     out = tmp_path / "track.csv"
-    run(["track", str(serve_recording), "--out", str(out)], cache)
+    run([*CLI, "track", str(serve_recording), "--out", str(out)], cache, tmp_path)
     assert rows(out) > 80
 
 
+@pytest.mark.timeout(COLD_S)
 @pytest.mark.parametrize(("option", "name"), [("--evt3", "events"), ("--rrd", "one.rrd")])
 def test_export(serve_recording, tmp_path, cache, option, name) -> None:
     out = tmp_path / name
-    run(["export", str(serve_recording), option, str(out), "--end-us", "100000"], cache)
+    run([*CLI, "export", str(serve_recording), option, str(out), "--end-us", "100000"], cache, tmp_path)
     assert out.exists()
 
 
+@pytest.mark.timeout(COLD_S)
 def test_simulate(tmp_path, cache) -> None:
     out = tmp_path / "one.h5"
-    done = run(["simulate", "--out", str(out), "--sensor", "160x120", "--json"], cache)
-    assert json.loads(done.stdout) and out.exists()
+    said = run([*CLI, "simulate", "--out", str(out), "--sensor", "160x120", "--json"], cache, tmp_path)
+    assert json.loads(said) and out.exists()
 
 
+@pytest.mark.timeout(COLD_S)
 def test_train(tmp_path, cache) -> None:
     out = tmp_path / "run"
-    run(["train", "--speeds", "3", "--episodes", "80", "--out", str(out)], cache)
+    run([*CLI, "train", "--speeds", "3", "--episodes", "80", "--out", str(out)], cache, tmp_path)
     assert (out / "config.toml").exists()
 
 

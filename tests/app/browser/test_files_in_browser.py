@@ -3,12 +3,10 @@
 import base64
 from pathlib import Path
 
-import pytest
-
 from core.files import PREFIX
 from tests.app.shared.event_files import write_csv, write_npz
+from tests.waiting import eventually
 
-pytestmark = pytest.mark.browser
 DROP = """([name, data]) => {
   const transfer = new DataTransfer();
   transfer.items.add(new File([Uint8Array.from(atob(data), (one) => one.charCodeAt(0))], name));
@@ -22,7 +20,7 @@ def drop(window, name: str, data: bytes) -> None:
     window.page.evaluate(DROP, [name, base64.b64encode(data).decode()])
 
 
-def a_file_that_is_dropped_is_sent_imported_described_and_open(window, workspace, wait_for, tmp_path) -> None:
+def a_file_that_is_dropped_is_sent_imported_described_and_open(window, workspace, tmp_path) -> None:
     page = window.page
     drop(window, "../<b>rally</b> 1.npz", write_npz(tmp_path / "x.npz", 40_000).read_bytes())
     dialog = page.get_by_role("dialog", name="Open file")
@@ -39,20 +37,20 @@ def a_file_that_is_dropped_is_sent_imported_described_and_open(window, workspace
     window.screenshot("file-checked")
     dialog.get_by_role("button", name="Cancel").click()
     dialog.get_by_role("list", name="Files of the server").wait_for()
-    wait_for(lambda: not list(workspace.recordings.glob(f"{PREFIX}*")), "what was sent to be gone")
+    eventually(lambda: not list(workspace.recordings.glob(f"{PREFIX}*")), "what was sent to be gone")
     page.keyboard.press("Escape")
     drop(window, "../<b>rally</b> 1.npz", (tmp_path / "x.npz").read_bytes())
     dialog.get_by_role("button", name="Import").click()
     card = page.locator("#rallyscope-opened")
     card.get_by_text("40,000 events").wait_for()
-    wait_for(lambda: window.state.recording == "b-1", "the dropped recording to be open")
-    wait_for(lambda: page.get_by_label("Recording").first.input_value() == "b-1", "its name in the list")
+    eventually(lambda: window.state.recording == "b-1", "the dropped recording to be open")
+    eventually(lambda: page.get_by_label("Recording").first.input_value() == "b-1", "its name in the list")
     assert card.get_by_text("NumPy").count() == 1 and not page.locator("#rallyscope-files").is_visible()
     assert not list(workspace.recordings.glob(f"{PREFIX}*"))
     window.screenshot("file-dropped")
 
 
-def a_bad_file_is_one_line_and_the_recording_stays(window, workspace, wait_for) -> None:
+def a_bad_file_is_one_line_and_the_recording_stays(window, workspace) -> None:
     before = sorted(workspace.recordings.iterdir())
     page = window.page
     page.keyboard.press("Control+o")
@@ -68,7 +66,7 @@ def a_bad_file_is_one_line_and_the_recording_stays(window, workspace, wait_for) 
     assert window.state.recording == "serve" and sorted(workspace.recordings.iterdir()) == before
 
 
-def a_file_of_the_servers_folders_is_found_and_opened_by_keyboard(window, lab, wait_for, tmp_path: Path) -> None:
+def a_file_of_the_servers_folders_is_found_and_opened_by_keyboard(window, lab, tmp_path: Path) -> None:
     folder = tmp_path / "camera"
     folder.mkdir()
     for number in range(12):
@@ -78,17 +76,17 @@ def a_file_of_the_servers_folders_is_found_and_opened_by_keyboard(window, lab, w
     page.get_by_role("button", name="Open file...").click()
     page.get_by_label("Search the files").fill("clip 7")
     page.keyboard.press("Tab")
-    wait_for(lambda: page.locator("#rallyscope-files li").count() == 1, "one file to fit")
+    eventually(lambda: page.locator("#rallyscope-files li").count() == 1, "one file to fit")
     window.screenshot("file-dialog")
     page.locator("#rallyscope-files li button").focus()
     page.keyboard.press("Enter")
     page.get_by_role("button", name="Import").wait_for()  # it has the focus
     page.keyboard.press("Enter")
-    wait_for(lambda: window.state.recording == "clip-7", "the file to be open")
+    eventually(lambda: window.state.recording == "clip-7", "the file to be open")
     assert window.state.mode == "Watch" and not window.state.playhead.playing, "the dialog keeps its keys"
 
 
-def test_files_are_refused_found_and_dropped(window, lab, workspace, wait_for, tmp_path: Path) -> None:
-    a_bad_file_is_one_line_and_the_recording_stays(window, workspace, wait_for)
-    a_file_of_the_servers_folders_is_found_and_opened_by_keyboard(window, lab, wait_for, tmp_path)
-    a_file_that_is_dropped_is_sent_imported_described_and_open(window, workspace, wait_for, tmp_path)
+def test_files_are_refused_found_and_dropped(window, lab, workspace, tmp_path: Path) -> None:
+    a_bad_file_is_one_line_and_the_recording_stays(window, workspace)
+    a_file_of_the_servers_folders_is_found_and_opened_by_keyboard(window, lab, tmp_path)
+    a_file_that_is_dropped_is_sent_imported_described_and_open(window, workspace, tmp_path)

@@ -17,8 +17,8 @@ from app.shared.workspace import Workspace
 from app.views.image_view import FOV_RAD, UNIT
 from core.geometry import look_at
 from labels.model import PositionSource
+from tests.waiting import eventually
 
-pytestmark = pytest.mark.browser
 BALL_US = 300_000
 FOUR = ("near_left", "near_right", "far_left", "far_right")
 BOXES = """() => [...document.querySelectorAll("#root img")].filter(one => one.checkVisibility()).map(one => {
@@ -27,14 +27,14 @@ BOXES = """() => [...document.querySelectorAll("#root img")].filter(one => one.c
 
 
 @pytest.fixture
-def window(tmp_path: Path, four_recording: Path, open_window, wait_for) -> Iterator:
+def window(tmp_path: Path, four_recording: Path, open_window) -> Iterator:
     workspace = Workspace(tmp_path)
     shutil.copy(four_recording, workspace.recording_path("four"))
     lab = App(workspace, Library(workspace), "four", host="127.0.0.1", port=0)
     with open_window(lab, in_space=True) as window:
-        wait_for(lambda: window.session.world.visible, "the 3D scene")
+        eventually(lambda: window.session.world.visible, "the 3D scene")
         rally = lab.services.rallies.of(window.session.recording)
-        wait_for(lambda: rally.followed == 1.0, "the chain to have seen it")
+        eventually(lambda: rally.followed == 1.0, "the chain to have seen it")
         window.seek(BALL_US)
         yield window
     lab.stop()
@@ -54,9 +54,9 @@ def overlap(one: list[float], other: list[float]) -> bool:
     return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
-def watch_shows_four_pictures_with_marks_above_the_figures(window, wait_for) -> None:
+def watch_shows_four_pictures_with_marks_above_the_figures(window) -> None:
     page = window.page
-    wait_for(lambda: len(page.evaluate(BOXES)) == 4, "four pictures")
+    eventually(lambda: len(page.evaluate(BOXES)) == 4, "four pictures")
     for name in FOUR:
         page.get_by_text(f"● {name}", exact=True).wait_for()
     figures = ("Ball speed", "Stereo mismatch", "Placed by")
@@ -80,48 +80,48 @@ def every_camera_stands_in_the_view(window) -> None:
     assert (np.abs(seen[:, :2] / seen[:, 2:]) < [half * eye.aspect, half]).all()
 
 
-def one_picture_is_large_and_the_scene_comes_back(window, wait_for) -> None:
+def one_picture_is_large_and_the_scene_comes_back(window) -> None:
     window.choose("Larger", "far_left")
-    wait_for(lambda: window.state.watch.large == "far_left", "the camera in the middle")
-    wait_for(lambda: len(window.session.sheet.pictures) == 1, "one picture")
+    eventually(lambda: window.state.watch.large == "far_left", "the camera in the middle")
+    eventually(lambda: len(window.session.sheet.pictures) == 1, "one picture")
     window.choose("Larger", "3D")
-    wait_for(lambda: window.session.world.visible, "the scene again")
+    eventually(lambda: window.session.world.visible, "the scene again")
     window.page.locator("#root img:visible").nth(3).dblclick()
-    wait_for(lambda: window.state.watch.large == "far_right", "the camera that was clicked twice")
+    eventually(lambda: window.state.watch.large == "far_right", "the camera that was clicked twice")
     window.choose("Larger", "3D")
-    wait_for(lambda: window.session.world.visible, "the scene again")
+    eventually(lambda: window.session.world.visible, "the scene again")
 
 
-def tune_shows_the_camera_that_is_chosen(window, wait_for) -> None:
+def tune_shows_the_camera_that_is_chosen(window) -> None:
     window.press("Tune")
-    wait_for(lambda: window.state.mode == "Tune", "Tune")
+    eventually(lambda: window.state.mode == "Tune", "Tune")
     window.choose("Camera", "far_right")
-    wait_for(lambda: window.state.camera == "far_right", "the camera")
-    wait_for(lambda: any("far_right" in text.text for text in window.session.sheet.texts), "its picture")
+    eventually(lambda: window.state.camera == "far_right", "the camera")
+    eventually(lambda: any("far_right" in text.text for text in window.session.sheet.texts), "its picture")
     window.page.get_by_text("ball at").first.wait_for()
     window.screenshot("four-tune")
 
 
-def label_accepts_in_all_what_two_have(window, wait_for) -> None:
+def label_accepts_in_all_what_two_have(window) -> None:
     page = window.page
     window.press("Label")
     mode = window.session._modes["Label"]
-    wait_for(lambda: mode._editor is not None and window.stands_in_label(), "Label")
+    eventually(lambda: mode._editor is not None and window.stands_in_label(), "Label")
     window.session.later(lambda: mode._use_name("anna"))
-    wait_for(lambda: mode._editor.labelling.view.annotator == "anna", "the name")
+    eventually(lambda: mode._editor.labelling.view.annotator == "anna", "the name")
     work = lambda: mode._editor.labelling  # noqa: E731
 
     def shows(camera: str) -> bool:
         return work().view.camera == camera and work().on_screen and not mode._pictures.busy
 
     def click_truth(camera: str) -> None:
-        wait_for(lambda: shows(camera), f"the picture of {camera}")
+        eventually(lambda: shows(camera), f"the picture of {camera}")
         truth, main = work().source.stream.truth.at(BALL_US), mode._pictures.shown.main
         u, v = float(truth.u_px[0]), float(truth.v_px[0])
         x = main.x + (u + 0.5 - main.region.x) / main.region.width * main.width
         y = main.y + (v + 0.5 - main.region.y) / main.region.height * main.height
         window.click_picture(*map(round, on_sheet(window, x, y)))
-        wait_for(lambda: BALL_US in work().here.labels, f"the label in {camera}")
+        eventually(lambda: BALL_US in work().here.labels, f"the label in {camera}")
 
     first = work().view.camera
     click_truth(first)
@@ -131,7 +131,7 @@ def label_accepts_in_all_what_two_have(window, wait_for) -> None:
     window.click_picture(*map(round, on_sheet(window, tile.x + tile.width / 2, tile.y + tile.height / 2)))
     click_truth(second)
     page.keyboard.press("8")  # ten times as large: all pictures follow the ball
-    wait_for(lambda: shows(second) and work().view.zoom > 1, "the ball, large")
+    eventually(lambda: shows(second) and work().view.zoom > 1, "the ball, large")
     page.get_by_text("2 of 2 cameras agree").first.wait_for()
     window.wait_until_still()
     boxes = [(tile.x, tile.y, tile.x + tile.width, tile.y + tile.height) for tile in window.session.sheet.pictures]
@@ -142,22 +142,22 @@ def label_accepts_in_all_what_two_have(window, wait_for) -> None:
         assert x <= bar["x"] + bar["width"] and y <= bar["y"], "nothing is cut off"
     window.screenshot("four-label")
     page.keyboard.press("Shift+U")
-    wait_for(lambda: all(BALL_US in known.labels for known in work().works.values()), "labels in all cameras")
+    eventually(lambda: all(BALL_US in known.labels for known in work().works.values()), "labels in all cameras")
     assert work().works[first].labels[BALL_US].provenance.source is PositionSource.SNAPPED
     for name in set(FOUR) - {first, second}:
         label, truth = work().works[name].labels[BALL_US], window.session.recording.cameras[name].truth.at(BALL_US)
         assert math.dist((label.x_px, label.y_px), (truth.u_px[0], truth.v_px[0])) < 1.0
         assert label.provenance.source is PositionSource.ACCEPTED
-    wait_for(lambda: work().t_us == BALL_US + work().step_us, "the next time")
+    eventually(lambda: work().t_us == BALL_US + work().step_us, "the next time")
     window.seek(BALL_US)
     page.get_by_text("4 of 4 cameras agree").first.wait_for()
     page.get_by_text("px of each:").first.wait_for()
     window.screenshot("four-labelled")
 
 
-def test_four_cameras_are_watched_tuned_and_labelled(window, wait_for) -> None:
-    watch_shows_four_pictures_with_marks_above_the_figures(window, wait_for)
+def test_four_cameras_are_watched_tuned_and_labelled(window) -> None:
+    watch_shows_four_pictures_with_marks_above_the_figures(window)
     every_camera_stands_in_the_view(window)
-    one_picture_is_large_and_the_scene_comes_back(window, wait_for)
-    tune_shows_the_camera_that_is_chosen(window, wait_for)
-    label_accepts_in_all_what_two_have(window, wait_for)
+    one_picture_is_large_and_the_scene_comes_back(window)
+    tune_shows_the_camera_that_is_chosen(window)
+    label_accepts_in_all_what_two_have(window)

@@ -14,8 +14,8 @@ from labels.model import Label, LabelState
 from labels.store import LabelStore
 from tests.app.hostile_recording import HOSTILE, write_hostile_recording
 from tests.app.modes.train.small_runs import small_run
+from tests.waiting import eventually
 
-pytestmark = pytest.mark.browser
 RUNS_IF_MARKUP = "<img src=x onerror=window.__pwned=1>"
 
 
@@ -36,20 +36,18 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
     lab.stop()
 
 
-def test_nothing_that_a_file_says_runs_in_the_page(window, wait_for) -> None:
+@pytest.mark.gate
+def test_nothing_that_a_file_says_runs_in_the_page(window) -> None:
     page = window.page
     requests: list[str] = []
     page.on("request", lambda request: requests.append(request.url))
     for mode in ("Tune", "Label", "Train", "Export", "Watch"):
-        window.press(mode)
-        wait_for(lambda mode=mode: window.state.mode == mode, f"{mode}")
-        page.wait_for_timeout(500)
-        window.wait_until_still()  # or a tab of the mode before is still there, and goes as it is clicked
+        window.enter(mode)  # at rest: else a tab of the mode before is still there, and goes as it is clicked
         for tab in page.get_by_role("tab").all():
             if tab.is_visible():
                 tab.click()
-                page.wait_for_timeout(200)
+                window.wait_for_frame()
     window.screenshot("hostile")
-    wait_for(lambda: "window.__pwned=1" in page.content(), "the hostile text: where it is not shown nothing is proved")
+    eventually(lambda: "window.__pwned=1" in page.content(), "the hostile text: if it is not shown nothing is proved")
     assert page.evaluate("window.__pwned") is None
     assert not [url for url in requests if url.endswith("/x")], "an image of the hostile text was asked for"

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from app.modes.label.import_files import FOLDER, RING
 from labels.model import PositionSource
 from labels.store import LabelStore, Layer, has_labels
+from tests.app.browser.window import count_like
+from tests.waiting import eventually
 
-pytestmark = pytest.mark.browser
 TIMES_US = tuple(range(250_000, 350_000, 10_000))
 
 
-def test_labels_of_a_file_are_shown_over_their_events_and_stored_only_when_accepted(
-    window, workspace, wait_for, count_like
-) -> None:
+def test_labels_of_a_file_are_shown_over_their_events_and_stored_only_when_accepted(window, workspace) -> None:
     window.seek(300_000)
     window.press("Label")
     mode = window.session._modes["Label"]
-    wait_for(lambda: mode._editor is not None, "Label")
+    eventually(lambda: mode._editor is not None, "Label")
     recording = mode._editor.labelling.recording
     truth = recording.cameras["left"].truth.at(np.array(TIMES_US))
     folder = workspace.root / FOLDER / "yolo of the lab"
@@ -30,11 +28,11 @@ def test_labels_of_a_file_are_shown_over_their_events_and_stored_only_when_accep
         (folder / f"left_t{t_us:012d}us_png.rf.0a1b2c3d4e5f.txt").write_text(f"1 {box}\n0 0.5 0.5 0.2 0.2\n")
     (folder / "holiday.txt").write_text("1 0.5 0.5 0.01 0.01\n")
     layer = Layer(recording.uuid, "left", "imported")
-    wait_for(lambda: mode._imports._panel.chosen[0] == "yolo of the lab", "the folder to be offered")
+    eventually(lambda: mode._imports._panel.chosen[0] == "yolo of the lab", "the folder to be offered")
     page = window.page
     page.get_by_text("Import labels", exact=True).click()
     window.choose("Made by", "YOLO")
-    page.wait_for_timeout(200)
+    eventually(lambda: mode._imports._panel._format.value == "YOLO", "the format")
     window.press("Look at them")
     accept = page.get_by_role("button", name="Accept 10 labels")
     accept.wait_for()
@@ -42,9 +40,8 @@ def test_labels_of_a_file_are_shown_over_their_events_and_stored_only_when_accep
     page.get_by_text("rejected: class ... is not ...").wait_for()
     page.get_by_text("rejected: which picture is it?").wait_for()
     assert not has_labels(workspace.labels, layer)
-    page.wait_for_timeout(500)
-    seen = window.screenshot("label-import")
-    assert count_like(seen[:, 870:], RING, 40) > 100  # the circles, in the panel
+    in_panel = (slice(None), slice(870, None))
+    window.wait_for_pixels("label-import", lambda seen: count_like(seen, RING, 40) > 100, in_panel)  # the circles
     accept.click()
     page.get_by_text("10 labels stored for 'imported', camera left").wait_for()
     window.screenshot("label-imported")

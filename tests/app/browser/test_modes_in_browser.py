@@ -18,36 +18,36 @@ from core.physics.episode import Case
 from labels.model import Label, LabelState
 from labels.store import LabelStore
 from tests.app.export.rrd.rerun_viewer import entities, viewer
+from tests.waiting import eventually
 
-pytestmark = pytest.mark.browser
 
-
-def test_a_missed_ball_in_watch_is_looked_at_in_tune_and_labelled(window, lab, wait_for) -> None:
+@pytest.mark.gate
+def test_a_missed_ball_in_watch_is_looked_at_in_tune_and_labelled(window, lab) -> None:
     window.session.send(ShowSpace(True))
     following = lab.services.rallies.of(window.session.recording)
-    wait_for(lambda: following.followed == 1.0, "the chain to follow the recording", 90)
+    eventually(lambda: following.followed == 1.0, "the chain to follow the recording")
     following.history.add_outcome(Outcome(590_000, 10_000, 5.0, LandingSpot(0.0, 0.0, Case.MISSED)))
     window.session.send(StopAt(595_000))
     window.page.get_by_text("was not returned").wait_for()
     missed = find_missed_ball(MissedBallRequest(window.session.recording, following.history, 595_000))
     window.screenshot("watch-missed")
     window.press("Look at it in Tune")
-    wait_for(lambda: window.state.mode == "Tune", "Tune")
+    eventually(lambda: window.state.mode == "Tune", "Tune")
     assert window.state.playhead.position_us(0.0) == missed.t_us and window.state.camera == missed.camera
     other = next(name for name in window.state.cameras if name != missed.camera)
     window.session.send(SetCamera(other))
     window.press("Watch")
-    wait_for(lambda: window.state.mode == "Watch", "Watch again")
+    eventually(lambda: window.state.mode == "Watch", "Watch again")
     window.session.send(StopAt(595_000))
     window.press("Label it")
     label = window.session._modes["Label"]
-    wait_for(lambda: window.state.mode == "Label" and label._editor is not None, "Label")
-    wait_for(lambda: label._editor.labelling.view.camera == missed.camera, "its camera")
-    wait_for(lambda: abs(label._editor.labelling.t_us - missed.t_us) <= window.state.step_us, "its moment")
+    eventually(lambda: window.state.mode == "Label" and label._editor is not None, "Label")
+    eventually(lambda: label._editor.labelling.view.camera == missed.camera, "its camera")
+    eventually(lambda: abs(label._editor.labelling.t_us - missed.t_us) <= window.state.step_us, "its moment")
     assert window.state.recording == "serve"
 
 
-def test_labels_are_exported_and_the_detector_is_scored_against_them(window, workspace, wait_for, tmp_path) -> None:
+def test_labels_are_exported_and_the_detector_is_scored_against_them(window, workspace, tmp_path) -> None:
     recording, page = window.session.recording, window.page
     truth = recording.cameras["left"].truth
     with LabelStore.open(workspace.labels, recording.uuid, "left", "anna") as store:
@@ -57,12 +57,12 @@ def test_labels_are_exported_and_the_detector_is_scored_against_them(window, wor
             store.put(Label(t_us=t_us, state=LabelState.VISIBLE, x_px=x, y_px=y, r_px=r))
     window.press("Label")
     label = window.session._modes["Label"]
-    wait_for(lambda: label._editor is not None, "Label")
+    eventually(lambda: label._editor is not None, "Label")
     window.session.later(lambda: label._use_name("anna"))
-    wait_for(lambda: len(label._editor.labelling.here.labels) == 15, "the labels")
+    eventually(lambda: len(label._editor.labelling.here.labels) == 15, "the labels")
     page.get_by_label("Format", exact=True).first.click()
     page.get_by_role("option", name="COCO").click()
-    with page.expect_download(timeout=90_000) as waiting:
+    with page.expect_download() as waiting:
         window.press("Export labels")
     waiting.value.save_as(tmp_path / "labels.zip")
     (made,) = workspace.exports.glob("*.zip")
@@ -71,11 +71,11 @@ def test_labels_are_exported_and_the_detector_is_scored_against_them(window, wor
     page.get_by_text("15 labels, 0 pictures").wait_for()
     window.screenshot("label-exported")
     window.press("Score the detector")
-    wait_for(lambda: window.state.mode == "Tune", "Tune")
-    page.get_by_text("The detector against your labels").wait_for(timeout=90_000)
+    eventually(lambda: window.state.mode == "Tune", "Tune")
+    page.get_by_text("The detector against your labels").wait_for()
     page.get_by_text("15 labels by anna").first.wait_for()
     over = page.locator("[class*=mantine-Modal-content]")
-    wait_for(lambda: over.bounding_box()["width"] > 900, "room for the table and the picture")
+    eventually(lambda: over.bounding_box()["width"] > 900, "room for the table and the picture")
     right = max(box["x"] + box["width"] for box in (part.bounding_box() for part in over.locator("th, svg").all()))
     assert right < over.bounding_box()["x"] + over.bounding_box()["width"], "nothing is cut off"
     window.screenshot("label-scored")
@@ -83,13 +83,13 @@ def test_labels_are_exported_and_the_detector_is_scored_against_them(window, wor
     over.wait_for(state="detached")
     assert window.state.score_by is None and window.state.camera == "left"
     window.press("Export")
-    wait_for(lambda: window.state.mode == "Export", "Export")
+    eventually(lambda: window.state.mode == "Export", "Export")
     export = window.session._modes["Export"]
-    wait_for(lambda: export._plan.plan.annotator == "anna", "the labels that are there to be part of a Rerun file")
+    eventually(lambda: export._plan.plan.annotator == "anna", "the labels that are there to be part of a Rerun file")
 
 
 def test_a_recording_is_streamed_to_the_viewer_of_the_command_line(
-    open_window, wait_for, tmp_path, serve_recording: Path
+    open_window, tmp_path, serve_recording: Path
 ) -> None:
     workspace = Workspace(tmp_path / "workspace")
     shutil.copy(serve_recording, workspace.recording_path("serve"))
@@ -103,12 +103,10 @@ def test_a_recording_is_streamed_to_the_viewer_of_the_command_line(
                 window.fill(window.field("To [s]"), "0.3")
                 window.page.keyboard.press("Enter")
                 plan = window.session._modes["Export"]._plan
-                wait_for(lambda: (plan.plan.start_us, plan.plan.end_us) == (200_000, 300_000), "the part")
+                eventually(lambda: (plan.plan.start_us, plan.plan.end_us) == (200_000, 300_000), "the part")
                 window.press("Stream to Rerun")
-                window.page.get_by_text("serve: all of it was sent").wait_for(timeout=90_000)
+                window.page.get_by_text("serve: all of it was sent").wait_for()
                 window.screenshot("export-stream")
-                wait_for(
-                    lambda: "world/ball/triangulated" in entities(tmp_path / "seen.rrd"), "the viewer to write", 200
-                )
+                eventually(lambda: "world/ball/triangulated" in entities(tmp_path / "seen.rrd"), "the viewer to write")
         finally:
             lab.stop()

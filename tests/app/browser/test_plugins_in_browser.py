@@ -5,20 +5,28 @@ import secrets
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Locator, Page
+from playwright.sync_api import Browser, Page
 
 from app.client_session.tour import TOUR
 from app.web.gateway import BROWSER_COOKIE
+from tests.app.browser.window import (
+    NEXT_FRAME,
+    choose,
+    count_like,
+    field_of,
+    fill,
+    open_page,
+    save_screenshot,
+    wait_until_sent,
+)
+from tests.waiting import PATIENCE_S, eventually
 
-pytestmark = pytest.mark.browser
 YELLOW = (255, 225, 60)
 BALL_US = 300_000
-START_S = 120.0
 
 
 @pytest.fixture
@@ -32,22 +40,22 @@ def address(plugins: Path, serve_recording: Path, tmp_path: Path) -> Iterator[st
             [sys.executable, "-m", "app.cli", "serve", *words], stdout=out, stderr=subprocess.STDOUT
         )
     try:
-        deadline = time.monotonic() + START_S
-        while not (found := re.search(r"http://\S+", log.read_text())):
-            assert server.poll() is None and time.monotonic() < deadline, log.read_text()
-            time.sleep(0.2)
-        yield found.group()
+
+        def address() -> re.Match[str] | None:
+            assert server.poll() is None, log.read_text()
+            return re.search(r"http://\S+", log.read_text())
+
+        yield eventually(address, "the address of the page", log.read_text).group()
     finally:
         server.send_signal(signal.SIGINT)
-        server.wait(300)
+        server.wait(PATIENCE_S)
     assert "Traceback" not in log.read_text(), log.read_text()
 
 
 @pytest.fixture
 def page(chromium: Browser, address: str, tmp_path: Path) -> Iterator[Page]:
     """The app in Tune, at a moment with a ball, for a browser that was shown round before."""
-    page = chromium.new_page(viewport={"width": 1280, "height": 720})
-    page.set_default_timeout(300_000)
+    page = open_page(chromium)
     browser = secrets.token_hex(16)
     page.context.add_cookies([{"name": BROWSER_COOKIE, "value": browser, "url": address}])
     (tmp_path / "data" / "browsers").mkdir(parents=True, exist_ok=True)
@@ -61,42 +69,36 @@ def page(chromium: Browser, address: str, tmp_path: Path) -> Iterator[Page]:
     page.close()
 
 
-def field(page: Page, label: str) -> Locator:
-    """The input that stands beside a label and is seen."""
-    found = page.locator("label").filter(has_text=re.compile(f"^{re.escape(label)}$"))
-    return found.locator("xpath=ancestor::*[.//input][1]").locator("input").last
-
-
-def choose(page: Page, label: str, option: str) -> None:
-    page.get_by_label(label, exact=True).first.click()
-    page.get_by_role("option", name=option, exact=True).click()
-
-
-def test_a_detector_is_chosen_its_slider_moves_and_the_picture_follows(page, save_screenshot, count_like) -> None:
+def test_a_detector_is_chosen_its_slider_moves_and_the_picture_follows(page) -> None:
     def yellow(name: str) -> int:
         return count_like(save_screenshot(page, name)[0:495, 0:870], YELLOW, 25)
 
-    def wait_for(name: str, there) -> int:
-        deadline = time.monotonic() + 300
-        while not there(count := yellow(name)):
-            assert time.monotonic() < deadline, f"{count} yellow pixels; see {name}.png"
-            page.wait_for_timeout(300)
-        return count
+    def yellow_until(name: str, there: Callable[[int], bool]) -> int:
+        counts: list[int] = []
+
+        def is_there() -> bool:
+            page.evaluate(NEXT_FRAME)
+            counts.append(yellow(name))
+            return there(counts[-1])
+
+        eventually(is_there, f"the yellow pixels; see {name}.png", lambda: counts[-1:])
+        return counts[-1]
 
     choose(page, "Method", "median")
     page.get_by_text("the middle of the events round their median").first.wait_for()
     assert page.get_by_text("Denoise", exact=True).count() == 0, "the sliders are the plugin's"
-    small = wait_for("plugin-chosen", lambda count: count > 40)
-    field(page, "radius scale").fill("5")
-    wait_for("plugin-slider", lambda count: count > 1.5 * small)
-    field(page, "fewest").fill("2000")
+    small = yellow_until("plugin-chosen", lambda count: count > 40)
+    fill(field_of(page, "radius scale"), "5")
+    yellow_until("plugin-slider", lambda count: count > 1.5 * small)
+    fill(field_of(page, "fewest"), "2000")
     page.get_by_text("no ball").first.wait_for()
-    wait_for("plugin-no-ball", lambda count: count < 10)
+    yellow_until("plugin-no-ball", lambda count: count < 10)
 
     page.get_by_text("Compare methods", exact=True).click()
-    field(page, "median").check()
-    field(page, "Side by side").check()
-    page.wait_for_timeout(2000)
+    for label in ("median", "Side by side"):
+        field_of(page, label).check()
+        wait_until_sent(page)
+    page.get_by_text("median: ").first.wait_for()
     save_screenshot(page, "plugin-compared")
 
     page.get_by_role("button", name="Export", exact=True).first.click()

@@ -16,6 +16,8 @@ from core.errors import RecordingError
 from core.events import Events
 from core.live.replay_source import ReplaySource
 from core.recordings import open_recording
+from tests.app.browser.window import count_like
+from tests.waiting import eventually
 
 SPACE = (slice(0, 720), slice(320, 870))
 TABLE_RGB = (48, 122, 202)
@@ -63,14 +65,14 @@ def replay_lab(tmp_path, recording) -> Iterator[App]:
 
 
 def test_a_replayed_recording_is_watched_recorded_tuned_and_labelled_and_a_lost_camera_is_said(
-    chromium, replay_lab, recording, open_window, wait_for, count_like
+    chromium, replay_lab, recording, open_window
 ) -> None:
     rally = replay_lab.services.rallies.live
     assert rally is not None
     with open_window(replay_lab, in_space=True) as window:
         page, session = window.page, window.session
-        wait_for(lambda: session.world.visible, "the 3D scene")
-        wait_for(lambda: rally.history.predicted_hits(), "the ball to be seen and predicted")
+        eventually(lambda: session.world.visible, "the 3D scene")
+        eventually(lambda: rally.history.predicted_hits(), "the ball to be seen and predicted")
         page.get_by_text("There is no robot").wait_for()
         page.get_by_text("Hit predicted before the bounce").first.wait_for()
         for name in ("Serve", "Count anew"):
@@ -84,33 +86,33 @@ def test_a_replayed_recording_is_watched_recorded_tuned_and_labelled_and_a_lost_
         assert picture.racket is None and picture.racket_target is None and picture.truth is None
 
         window.press("Record")
-        wait_for(lambda: rally.recorded is not None, "the recording to begin")
+        eventually(lambda: rally.recorded is not None, "the recording to begin")
         path, since_us = rally.recorded, rally.recording.duration_us
-        wait_for(lambda: rally.recording.duration_us > since_us + 700_000, "more than a round of the file")
+        eventually(lambda: rally.recording.duration_us > since_us + 700_000, "more than a round of the file")
         page.get_by_role("button", name="Stop recording").click()
-        wait_for(lambda: rally.recorded is None, "the recording to end")
+        eventually(lambda: rally.recorded is None, "the recording to end")
         with open_recording(path) as recorded:
             assert recorded.ball is None and recorded.duration_us > 600_000
             assert all(one.event_count and one.truth is None for one in recorded.cameras.values())
 
         session.send(SetMethod("auto"))
         window.press("Tune")
-        wait_for(lambda: session.sheet.pictures, "the picture of Tune")
+        eventually(lambda: session.sheet.pictures, "the picture of Tune")
         page.get_by_text("circularity min").first.wait_for()
         assert page.get_by_text("found", exact=False).count() and not page.get_by_text("True ball", exact=True).count()
         window.screenshot("replay-tune")
 
         window.press("Label")
         mode = session._modes["Label"]
-        wait_for(lambda: mode._editor is not None and mode._pictures.shown is not None, "Label of the replay")
+        eventually(lambda: mode._editor is not None and mode._pictures.shown is not None, "Label of the replay")
         session.later(lambda: mode._use_name("lena"))
         window.press("Pause")
-        wait_for(window.stands_in_label, "the cursor to stand")
+        eventually(window.stands_in_label, "the cursor to stand")
         shown = mode._pictures.shown.plan.main
         live = rally.recording.cameras[mode._editor.labelling.view.camera].slice(*shown.window_us)
         page.keyboard.press("x")
-        wait_for(lambda: window.state.recording.startswith("live-"), "the frozen recording to open")
-        wait_for(lambda: mode._editor is not None and len(mode._editor.labelling.here.labels) == 1, "the label in it")
+        eventually(lambda: window.state.recording.startswith("live-"), "the frozen recording to open")
+        eventually(lambda: mode._editor is not None and len(mode._editor.labelling.here.labels) == 1, "the label in it")
         now = mode._editor.labelling
         (label,) = now.here.labels.values()
         frozen = now.source.stream.slice(*label.provenance.window_us)
@@ -119,27 +121,25 @@ def test_a_replayed_recording_is_watched_recorded_tuned_and_labelled_and_a_lost_
 
         session.open_recording(LIVE)
         window.press("Tune")
-        wait_for(lambda: window.state.recording == LIVE and window.state.playhead.following, "the replay again")
+        eventually(lambda: window.state.recording == LIVE and window.state.playhead.following, "the replay again")
         recording.cameras["right"].pulled.set()
         page.get_by_text("Camera right is lost").wait_for()
         window.press("Watch")
         page.get_by_text("lost, no data for").wait_for()
         since_us = rally.history.followed_us
-        wait_for(lambda: rally.history.followed_us > since_us + 200_000, "the other camera to be followed")
+        eventually(lambda: rally.history.followed_us > since_us + 200_000, "the other camera to be followed")
         window.screenshot("replay-lost")
 
 
-def test_strokes_of_a_replay_are_counted_as_they_were_seen(
-    chromium, tmp_path, stroke_recording, open_window, wait_for
-) -> None:
+def test_strokes_of_a_replay_are_counted_as_they_were_seen(chromium, tmp_path, stroke_recording, open_window) -> None:
     path, told = stroke_recording
     workspace = Workspace(tmp_path)
     live = LiveRally(ReplaySource(open_recording(path), "stroke.h5", speed=0.3))
     lab = App(workspace, Library(workspace), LIVE, host="127.0.0.1", port=0, live=live)
     try:
         with open_window(lab, in_space=True) as window:
-            wait_for(lambda: window.session.world.visible, "the 3D scene")
-            wait_for(lambda: live.history.outcome_count, "the stroke to be judged")
+            eventually(lambda: window.session.world.visible, "the 3D scene")
+            eventually(lambda: live.history.outcome_count, "the stroke to be judged")
             window.page.get_by_text("Strokes, as seen").first.wait_for()
             window.page.get_by_text(re.compile(r"of [1-9]\d* returned")).first.wait_for()  # it is played in a loop
             window.screenshot("replay-strokes")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Iterator
 
 import numpy as np
@@ -17,6 +16,10 @@ from core.live.replay_source import ReplaySource
 from core.recordings import open_recording
 from core.robot import RobotClient, RobotServer, RobotWatchConfig
 from tests.core.robot.limits import LIMITS
+from tests.waiting import eventually
+
+PATIENT = RobotWatchConfig(lost_ms=10_000.0, slow_ms=5_000.0)
+"""A machine that does other things is not taken for a lost robot."""
 
 
 class JumpingArm:
@@ -30,8 +33,7 @@ class JumpingArm:
 
     def _run(self) -> None:
         p = np.array([-1.6, 0.0, 0.25])
-        while not self._ended.is_set():
-            time.sleep(0.003)
+        while not self._ended.wait(0.003):
             if not self.hangs.is_set():
                 target = self.server.turn(p, (1.0, 0.0, 0.0, 0.0), np.zeros(3))
                 p = p if target is None else np.array(target.p_m)
@@ -52,14 +54,14 @@ def arm() -> Iterator[JumpingArm]:
 @pytest.fixture
 def robot_lab(tmp_path, arm, serve_recording) -> Iterator[App]:
     workspace = Workspace(tmp_path)
-    robot = RobotClient(arm.server.address, config=RobotWatchConfig(lost_ms=2500.0, slow_ms=1500.0))
+    robot = RobotClient(arm.server.address, config=PATIENT)
     live = LiveRally(ReplaySource(open_recording(serve_recording), "serve.h5"), robot=robot)
     lab = App(workspace, Library(workspace), LIVE, host="127.0.0.1", port=0, live=live)
     yield lab
     lab.stop()
 
 
-def test_a_robot_is_started_stopped_lost_and_back(chromium, robot_lab, arm, open_window, wait_for) -> None:
+def test_a_robot_is_started_stopped_lost_and_back(chromium, robot_lab, arm, open_window) -> None:
     rally = robot_lab.services.rallies.live
     assert rally is not None and rally.robot is not None and rally.has_robot
     robot = rally.robot
@@ -71,7 +73,7 @@ def test_a_robot_is_started_stopped_lost_and_back(chromium, robot_lab, arm, open
         assert not page.get_by_text("There is no robot").count() and robot.status.counts.sent == 0
         window.press("Start the robot")
         page.get_by_text("yes: targets are sent").wait_for()
-        wait_for(lambda: robot.status.counts.taken, "a target that it takes")
+        eventually(lambda: robot.status.counts.taken, "a target that it takes")
         moment = rally.history.at(rally.history.followed_us, {})
         assert moment.picture.racket is not None, "its racket stands in the scene"
         page.get_by_text("Racket turned by").first.wait_for()
@@ -79,16 +81,17 @@ def test_a_robot_is_started_stopped_lost_and_back(chromium, robot_lab, arm, open
         window.press("Step test")
         page.get_by_text("The last test was aborted: a ball flies").wait_for()
         assert rally.player.latency is None
-        wait_for(lambda: robot.status.counts.sent > sent, "it to go on playing")
+        eventually(lambda: robot.status.counts.sent > sent, "it to go on playing")
         window.screenshot("robot-plays")
 
         window.press("Stop the robot")
         page.get_by_text("a person pressed Stop in browser").wait_for()
-        wait_for(lambda: "a person pressed Stop" in arm.server.stopped, "the robot to know")
+        eventually(lambda: "a person pressed Stop" in arm.server.stopped, "the robot to know")
         sent = robot.status.counts.sent
         window.press("Start the robot")
-        wait_for(lambda: robot.status.counts.sent > sent, "it to play again")
+        eventually(lambda: robot.status.counts.sent > sent, "it to play again")
 
+        robot._watch.config = RobotWatchConfig(lost_ms=1000.0, slow_ms=PATIENT.slow_ms)
         arm.hangs.set()
         page.get_by_text("The robot is lost").wait_for()
         page.get_by_text("No targets are sent").first.wait_for()

@@ -18,8 +18,8 @@ from app.shared.workspace import Workspace
 from app.state.commands import Seek
 from core.geometry import matrix_from_quaternion
 from core.history.played_bodies import PlayedBodies
+from tests.waiting import eventually
 
-pytestmark = pytest.mark.browser
 BALL_US = 420_000
 CONTRAST = 4.0
 """Of the ball's core to all that is round it, as web pages count it; text is to have 4.5, large text 3."""
@@ -37,11 +37,11 @@ def scene_lab(tmp_path_factory: pytest.TempPathFactory, serve_recording: Path) -
 
 
 @pytest.fixture
-def space(scene_lab, open_window, wait_for):
+def space(scene_lab, open_window):
     with open_window(scene_lab, in_space=True) as window:
-        wait_for(lambda: window.session.world.visible, "the 3D scene")
+        eventually(lambda: window.session.world.visible, "the 3D scene")
         rally = scene_lab.services.rallies.of(window.session.recording)
-        wait_for(lambda: rally.followed == 1.0, "the chain to have seen it")
+        eventually(lambda: rally.followed == 1.0, "the chain to have seen it")
         window.session.send(Seek(BALL_US))
         window.rally = rally
         yield window
@@ -76,9 +76,9 @@ def is_like(image: np.ndarray, rgb: tuple[int, int, int], tolerance: int = 14) -
     return np.abs(image.astype(int) - rgb).max(axis=-1) < tolerance
 
 
-def the_ball_is_the_brightest_thing_just_where_it_is(space, size, wait_for) -> None:
+def the_ball_is_the_brightest_thing_just_where_it_is(space, size) -> None:
     space.page.set_viewport_size({"width": size[0], "height": size[1]})
-    wait_for(lambda: canvas_of(space)[2] >= 0.45 * size[0], "the middle to be no slit: the panels make room")
+    eventually(lambda: canvas_of(space)[2] >= 0.45 * size[0], "the middle to be no slit: the panels make room")
     space.wait_until_camera_stands()
     _, _, width, height = canvas_of(space)
     assert width >= 0.45 * size[0], "the middle is no slit"
@@ -130,10 +130,10 @@ def legs_stand_out_from_the_ground(space) -> None:
     assert floor.mean() > 0.08, "the ground is not black"
 
 
-def persons_are_drawn_where_the_simulation_has_them(space, wait_for) -> None:
+def persons_are_drawn_where_the_simulation_has_them(space) -> None:
     space.rally.following.bodies = PlayedBodies().then(0, "person", 3)
     space.session.send(Seek(BALL_US + 1_000))
-    wait_for(lambda: space.session.world._people._handles is not None, "the person")
+    eventually(lambda: space.session.world._people._handles is not None, "the person")
     space.wait_until_camera_stands()
     people = space.rally.following.bodies.at(BALL_US + 1_000)
     u, v = (round(value) for value in pixel_of(space, people.ends_m[2].mean(axis=0)))  # the trunk
@@ -148,31 +148,31 @@ def persons_are_drawn_where_the_simulation_has_them(space, wait_for) -> None:
     space.wait_for_pixels("scene-no-person", lambda seen: not is_a_person(seen), patch)
 
 
-def one_picture_fills_the_middle_and_the_scene_comes_back(space, wait_for) -> None:
+def one_picture_fills_the_middle_and_the_scene_comes_back(space) -> None:
     space.page.get_by_role("button", name="left", exact=True).click()
-    wait_for(lambda: space.state.watch.large == "left", "the left camera in the middle")
-    wait_for(lambda: len(space.session.sheet.pictures) == 1, "one picture")
+    eventually(lambda: space.state.watch.large == "left", "the left camera in the middle")
+    eventually(lambda: len(space.session.sheet.pictures) == 1, "one picture")
     assert not space.session.world.visible
     space.screenshot("scene-large")
     space.session.send(EnlargeNextCamera())
-    wait_for(lambda: space.state.watch.large == "right", "the other one")
+    eventually(lambda: space.state.watch.large == "right", "the other one")
     space.session.send(EnlargeNextCamera())
-    wait_for(lambda: space.session.world.visible, "the scene again")
+    eventually(lambda: space.session.world.visible, "the scene again")
 
 
-def a_double_click_makes_a_picture_large_and_another_one_gives_the_scene_back(space, wait_for) -> None:
+def a_double_click_makes_a_picture_large_and_another_one_gives_the_scene_back(space) -> None:
     beside = space.page.locator("#root img:visible")
     for number, camera in enumerate(("left", "right")):
-        wait_for(lambda: beside.count() == 2, "both cameras' pictures beside the scene")
+        eventually(lambda: beside.count() == 2, "both cameras' pictures beside the scene")
         beside.nth(number).dblclick()
-        wait_for(lambda camera=camera: space.state.watch.large == camera, f"the {camera} camera in the middle")
-        wait_for(lambda: len(space.session.sheet.pictures) == 1, "one picture")
+        eventually(lambda camera=camera: space.state.watch.large == camera, f"the {camera} camera in the middle")
+        eventually(lambda: len(space.session.sheet.pictures) == 1, "one picture")
         left, top, width, height = canvas_of(space)
         space.page.mouse.dblclick(left + width / 2, top + height / 3)
-        wait_for(lambda: space.state.watch.large == "" and space.session.world.visible, "the scene again")
+        eventually(lambda: space.state.watch.large == "" and space.session.world.visible, "the scene again")
 
 
-def a_view_that_a_person_turned_stays_when_the_window_changes(space, wait_for) -> None:
+def a_view_that_a_person_turned_stays_when_the_window_changes(space) -> None:
     space.wait_until_camera_stands()
     left, top, width, height = canvas_of(space)
     space.page.mouse.move(left + width / 2, top + height / 2)
@@ -182,19 +182,19 @@ def a_view_that_a_person_turned_stays_when_the_window_changes(space, wait_for) -
     space.wait_until_camera_stands()
     turned = space.session.client.camera.position.copy()
     space.page.set_viewport_size({"width": 1500, "height": 720})
-    wait_for(lambda: canvas_of(space)[2] > width + 100, "a wider middle")
+    eventually(lambda: canvas_of(space)[2] > width + 100, "a wider middle")
     space.wait_until_camera_stands()
     np.testing.assert_allclose(space.session.client.camera.position, turned, atol=0.05)
 
 
-def test_ball_legs_and_persons_are_seen_in_the_3d_view(space, wait_for) -> None:
+def test_ball_legs_and_persons_are_seen_in_the_3d_view(space) -> None:
     for size in SIZES:
-        the_ball_is_the_brightest_thing_just_where_it_is(space, size, wait_for)
+        the_ball_is_the_brightest_thing_just_where_it_is(space, size)
     legs_stand_out_from_the_ground(space)
-    persons_are_drawn_where_the_simulation_has_them(space, wait_for)
+    persons_are_drawn_where_the_simulation_has_them(space)
 
 
-def test_the_middle_is_given_to_a_picture_and_back_and_the_view_is_turned(space, wait_for) -> None:
-    one_picture_fills_the_middle_and_the_scene_comes_back(space, wait_for)
-    a_double_click_makes_a_picture_large_and_another_one_gives_the_scene_back(space, wait_for)
-    a_view_that_a_person_turned_stays_when_the_window_changes(space, wait_for)
+def test_the_middle_is_given_to_a_picture_and_back_and_the_view_is_turned(space) -> None:
+    one_picture_fills_the_middle_and_the_scene_comes_back(space)
+    a_double_click_makes_a_picture_large_and_another_one_gives_the_scene_back(space)
+    a_view_that_a_person_turned_stays_when_the_window_changes(space)

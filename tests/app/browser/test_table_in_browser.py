@@ -16,13 +16,14 @@ from core.cameras.calibration.table_corners import CORNERS
 from core.geometry import look_at
 from core.live.replay_source import ReplaySource
 from core.recordings import open_recording
+from tests.waiting import eventually
 
 CLICKED = ("net-left", "net-right", "robot-centre", "post-left", "post-right")
 """Both cameras see these."""
 
 
 def test_corners_that_are_clicked_place_the_cameras_of_a_live_source(
-    chromium, tmp_path, serve_recording, open_window, wait_for
+    chromium, tmp_path, serve_recording, open_window
 ) -> None:
     true = stereo_preset()
     elsewhere = {name: replace(one, T_world_camera=look_at((-3.0, 0.3, 2.0), (0, 0, 0))) for name, one in true.items()}
@@ -33,38 +34,38 @@ def test_corners_that_are_clicked_place_the_cameras_of_a_live_source(
     try:
         with open_window(lab) as window:
             page, session = window.page, window.session
-            wait_for(lambda: "left" in live.cameras and live.cameras["left"].position_world_m[0] < -2.9, "wrong poses")
+            eventually(lambda: live.cameras and live.cameras["left"].position_world_m[0] < -2.9, "wrong poses")
             page.get_by_role("button", name="Pictures", exact=True).or_(
                 page.get_by_role("button", name="● Pictures", exact=True)
             ).first.click()
-            wait_for(lambda: len(session.plane.sheet.pictures) == 2, "both pictures")
+            eventually(lambda: len(session.plane.sheet.pictures) == 2, "both pictures")
             page.get_by_text("Table", exact=True).click()
             page.get_by_label("Click the corners").check()
-            wait_for(lambda: window.state.watch.table.active, "clicks to be corners")
+            eventually(lambda: window.state.watch.table.active, "clicks to be corners")
             for number, (name, camera) in enumerate(true.items()):
                 for corner in CLICKED:
                     u_px, v_px = camera.project(np.array([CORNERS[corner]]))[0].tolist()
                     session.send(ChooseTableCorner(corner))
-                    wait_for(lambda corner=corner: window.state.watch.table.corner == corner, corner)
+                    eventually(lambda corner=corner: window.state.watch.table.corner == corner, corner)
                     count = len(window.state.watch.table.of(name))
                     page.mouse.click(*_screen(window, number, u_px, v_px), delay=60)
-                    wait_for(lambda name=name, n=count: len(window.state.watch.table.of(name)) == n + 1, f"{corner}")
+                    eventually(lambda name=name, n=count: len(window.state.watch.table.of(name)) == n + 1, f"{corner}")
             page.get_by_text("px off, most").nth(1).wait_for()
             window.press("Undo the click")
-            wait_for(lambda: len(window.state.watch.table.of("right")) == len(CLICKED) - 1, "the click to be undone")
+            eventually(lambda: len(window.state.watch.table.of("right")) == len(CLICKED) - 1, "the click to be undone")
             page.get_by_text("px off, most").nth(1).wait_for()
             page.get_by_text("Sweep of the ball", exact=True).click()
             page.get_by_label("Show missing parts").check()
             page.get_by_text("of 48 parts").nth(1).wait_for()
-            wait_for(lambda: len(window.state.watch.swept.missing("left")) < 48, "the ball to be counted")
+            eventually(lambda: len(window.state.watch.swept.missing("left")) < 48, "the ball to be counted")
             window.screenshot("table-clicked")
+            drift = live._drift
             window.press("Use these poses")
-
-            def watched_anew() -> bool:  # before the note is waited for: some seconds later it has what it needs
-                return live.cameras["left"].position_world_m[0] > -2.0 and 0 < live.drift.points <= live.drift.needed
-
-            wait_for(watched_anew, "the source to go on with the new poses, watched from anew")
             page.get_by_text("Calibration written").first.wait_for()
+            eventually(
+                lambda: live.cameras["left"].position_world_m[0] > -2.0, "the source to go on with the new poses"
+            )
+            eventually(lambda: live._drift is not drift and live.drift.points > 0, "the poses to be watched from anew")
             window.press("3D")
             page.get_by_text("points of the ball").first.wait_for()
         (path,) = workspace.cameras.glob("table-*.toml")

@@ -1,10 +1,7 @@
 """The bar under the picture, by mouse and by key."""
 
-import pytest
-
 from app.state.commands import SetPlaybackSpeed
-
-pytestmark = pytest.mark.browser
+from tests.waiting import eventually
 
 
 def line_of(window) -> dict:
@@ -15,21 +12,21 @@ def line_of(window) -> dict:
     return box
 
 
-def a_click_on_the_line_goes_there_and_a_drag_scrubs(window, wait_for) -> None:
+def a_click_on_the_line_goes_there_and_a_drag_scrubs(window) -> None:
     box, duration_us = line_of(window), window.state.playhead.duration_us
     middle = box["y"] + box["height"] / 2
     window.page.mouse.click(box["x"] + box["width"] / 4, middle)
-    wait_for(lambda: abs(window.state.playhead.anchor_us - duration_us / 4) < duration_us / 100, "a quarter")
+    eventually(lambda: abs(window.state.playhead.anchor_us - duration_us / 4) < duration_us / 100, "a quarter")
     window.page.mouse.move(box["x"] + box["width"] / 4, middle)
     window.page.mouse.down()
     window.page.mouse.move(box["x"] + box["width"] / 2, middle, steps=6)
     window.page.mouse.move(box["x"] + 0.75 * box["width"], middle, steps=6)
     window.page.mouse.up()
-    wait_for(lambda: abs(window.state.playhead.anchor_us - 0.75 * duration_us) < duration_us / 100, "three quarters")
+    eventually(lambda: abs(window.state.playhead.anchor_us - 0.75 * duration_us) < duration_us / 100, "three quarters")
     window.screenshot("time-bar")
 
 
-def a_section_is_repeated_until_it_is_released(window, wait_for) -> None:
+def a_section_is_repeated_until_it_is_released(window) -> None:
     box = line_of(window)
     window.page.keyboard.down("Shift")
     window.page.mouse.move(box["x"] + 100, box["y"] + 20)
@@ -37,34 +34,34 @@ def a_section_is_repeated_until_it_is_released(window, wait_for) -> None:
     window.page.mouse.move(box["x"] + 200, box["y"] + 20, steps=5)
     window.page.mouse.up()
     window.page.keyboard.up("Shift")
-    wait_for(lambda: window.state.playhead.loop_us is not None, "the section")
+    eventually(lambda: window.state.playhead.loop_us is not None, "the section")
     start_us, end_us = window.state.playhead.loop_us
     scale = window.state.playhead.duration_us / box["width"]
     assert abs(start_us - 100 * scale) < 3 * scale and abs(end_us - 200 * scale) < 3 * scale
     window.page.get_by_role("button", name="Stop repeating").click()
-    wait_for(lambda: window.state.playhead.loop_us is None, "its end")
+    eventually(lambda: window.state.playhead.loop_us is None, "its end")
 
 
-def the_keys_of_editing_tables_and_the_arrows_work(window, wait_for) -> None:
+def the_keys_of_editing_tables_and_the_arrows_work(window) -> None:
     window.seek(100_000)
     press = window.page.keyboard.press
     press("ArrowRight")
-    wait_for(lambda: window.state.playhead.anchor_us == 101_000, "a step on")
+    eventually(lambda: window.state.playhead.anchor_us == 101_000, "a step on")
     press("Shift+ArrowLeft")
-    wait_for(lambda: window.state.playhead.anchor_us == 91_000, "ten steps back")
+    eventually(lambda: window.state.playhead.anchor_us == 91_000, "ten steps back")
     window.session.send(SetPlaybackSpeed(0.01))  # so that it does not come to the end meanwhile
-    wait_for(lambda: window.state.playhead.speed == 0.01, "the speed")
+    eventually(lambda: window.state.playhead.speed == 0.01, "the speed")
     speed = window.state.playhead.speed
     press("l")
-    wait_for(lambda: window.state.playhead.playing, "L to play")
+    eventually(lambda: window.state.playhead.playing, "L to play")
     press("l")
-    wait_for(lambda: window.state.playhead.speed > speed, "L to go faster")
+    eventually(lambda: window.state.playhead.speed > speed, "L to go faster")
     press("j")
-    wait_for(lambda: window.state.playhead.speed == speed, "J to go slower")
+    eventually(lambda: window.state.playhead.speed == speed, "J to go slower")
     press("k")
-    wait_for(lambda: not window.state.playhead.playing, "K to pause")
+    eventually(lambda: not window.state.playhead.playing, "K to pause")
     press("Home")
-    wait_for(lambda: window.state.playhead.anchor_us == 0, "the start")
+    eventually(lambda: window.state.playhead.anchor_us == 0, "the start")
 
 
 def stands_at(window) -> int | None:
@@ -73,47 +70,49 @@ def stands_at(window) -> int | None:
     return int(told) if int(told) == window.state.playhead.anchor_us else None
 
 
-def marks_and_bounces_are_gone_to(window, wait_for) -> None:
+def marks_and_bounces_are_gone_to(window) -> None:
     window.seek(123_000)
     window.page.keyboard.press("'")
-    wait_for(lambda: window.state.marks_us == (123_000,), "the mark")
+    eventually(lambda: window.state.marks_us == (123_000,), "the mark")
     window.page.keyboard.press("End")
-    wait_for(lambda: stands_at(window) == window.state.playhead.duration_us, "the end")
+    eventually(lambda: stands_at(window) == window.state.playhead.duration_us, "the end")
     for _ in range(30):
         before_us = window.state.playhead.anchor_us
         window.page.keyboard.press("[")
-        wait_for(lambda before_us=before_us: stands_at(window) not in (None, before_us), "the one before")
+        eventually(lambda before_us=before_us: stands_at(window) not in (None, before_us), "the one before")
         if window.state.playhead.anchor_us == 123_000:
             break
     assert window.state.playhead.anchor_us == 123_000
 
 
-def modes_are_chosen_by_key_wherever_the_focus_is_but_in_a_field(window, wait_for) -> None:
+def modes_are_chosen_by_key_wherever_the_focus_is_but_in_a_field(window) -> None:
     window.page.get_by_role("button", name="Play", exact=True).focus()
     window.page.keyboard.press("Shift+Digit2")
-    wait_for(lambda: window.state.mode == "Tune", "Tune")
+    eventually(lambda: window.state.mode == "Tune", "Tune")
     field = window.page.get_by_label("Time [µs]")
     field.focus()
     window.page.keyboard.press("Shift+Digit1")
-    window.page.wait_for_timeout(500)
-    assert window.state.mode == "Tune"
     field.blur()
+    before_us = window.state.playhead.anchor_us
+    window.page.keyboard.press("ArrowLeft")
+    eventually(lambda: window.state.playhead.anchor_us == before_us - 1_000, "the key that came after it")
+    assert window.state.mode == "Tune"
     window.page.keyboard.press("Shift+Digit4")
-    wait_for(lambda: window.state.mode == "Train", "Train")
+    eventually(lambda: window.state.mode == "Train", "Train")
     window.page.locator("#rallyscope-bar").wait_for(state="hidden")
 
 
-def a_bar_button_is_pressed_by_enter(window, wait_for) -> None:
+def a_bar_button_is_pressed_by_enter(window) -> None:
     window.seek(50_000)
     window.page.get_by_role("button", name="+1", exact=True).focus()
     window.page.keyboard.press("Enter")
-    wait_for(lambda: window.state.playhead.anchor_us == 51_000, "Enter on a button")
+    eventually(lambda: window.state.playhead.anchor_us == 51_000, "Enter on a button")
 
 
-def test_the_bar_is_used_by_mouse_and_by_key(window, wait_for) -> None:
-    a_click_on_the_line_goes_there_and_a_drag_scrubs(window, wait_for)
-    a_section_is_repeated_until_it_is_released(window, wait_for)
-    the_keys_of_editing_tables_and_the_arrows_work(window, wait_for)
-    marks_and_bounces_are_gone_to(window, wait_for)
-    a_bar_button_is_pressed_by_enter(window, wait_for)
-    modes_are_chosen_by_key_wherever_the_focus_is_but_in_a_field(window, wait_for)
+def test_the_bar_is_used_by_mouse_and_by_key(window) -> None:
+    a_click_on_the_line_goes_there_and_a_drag_scrubs(window)
+    a_section_is_repeated_until_it_is_released(window)
+    the_keys_of_editing_tables_and_the_arrows_work(window)
+    marks_and_bounces_are_gone_to(window)
+    a_bar_button_is_pressed_by_enter(window)
+    modes_are_chosen_by_key_wherever_the_focus_is_but_in_a_field(window)

@@ -12,21 +12,20 @@ from app.scene.prediction import CASE_RGB
 from app.server import App
 from app.shared.trainer import RunState, Trainer
 from core.physics.episode import Case
+from tests.app.browser.window import count_like, open_page, wait_until_sent
+from tests.waiting import eventually
 
-pytestmark = pytest.mark.browser
 GREEN, ORANGE, BLUE_TABLE = CASE_RGB[Case.RETURNED], (255, 140, 40), (48, 122, 202)
 LEFT_PX = 340
 """Width of the panel with the curves."""
-PATIENT_S = 90.0
-"""To load the libraries of a training on a machine that is busy."""
 
 
 @pytest.fixture
-def trainer(lab: App, wait_for) -> Iterator[Trainer]:
+def trainer(lab: App) -> Iterator[Trainer]:
     trainer = lab.services.trainer
     yield trainer
     trainer.ask("stop")
-    wait_for(lambda: trainer.active() is None, "the training to end", PATIENT_S)
+    eventually(lambda: trainer.active() is None, "the training to end")
 
 
 def enter(window) -> TrainMode:
@@ -40,16 +39,17 @@ def pick(window, label: str, option: str) -> None:
     """Choose from a dropdown."""
     window.page.get_by_label(label, exact=True).first.click()
     window.page.get_by_role("option", name=option).click()
+    wait_until_sent(window.page)
 
 
-def start(window, wait_for, name: str, balls: int) -> None:
+def start(window, name: str, balls: int) -> None:
     """A training of the landing model that can be watched, from the form."""
     form = window.session._modes["Train"]._form_panel
     window.page.get_by_text("A new training").click()
     window.fill(window.field("episodes"), str(balls))
     window.fill(window.field("Name"), name)
     # The page sends what is typed a little later.
-    wait_for(
+    eventually(
         lambda: (form._name.value, str(form._handles[("curriculum", "episodes")].value)) == (name, str(balls)),
         "the form",
     )
@@ -71,16 +71,17 @@ def shows(mode: TrainMode, name: str) -> bool:
     return mode._view is not None and mode._view.run is not None and mode._view.run.name == name
 
 
-def test_train_now_learns_to_place_balls_before_ones_eyes(window, trainer: Trainer, wait_for, count_like) -> None:
+@pytest.mark.gate
+def test_train_now_learns_to_place_balls_before_ones_eyes(window, trainer: Trainer) -> None:
     mode = enter(window)
     window.page.get_by_text("Nothing trained yet").wait_for()
     window.press("Train now")
-    wait_for(lambda: mode.replay is not None, "the first ball to fly", PATIENT_S)
+    eventually(lambda: mode.replay is not None, "the first ball to fly")
     assert newest(trainer).episodes_per_s == 2.5
     first = mode.replay
-    wait_for(lambda: mode.replay is not first, "the next ball", PATIENT_S)
+    eventually(lambda: mode.replay is not first, "the next ball")
     pick(window, "Pace", "as fast as possible")
-    wait_for(lambda: phase(trainer) == "finished", "the training to finish", PATIENT_S)
+    eventually(lambda: phase(trainer) == "finished", "the training to finish")
     window.page.get_by_text("ball 100 of 100").wait_for()
     canvas = window.wait_for_pixels("train", lambda canvas: count_like(canvas[:, LEFT_PX:], GREEN) > 200)
     assert count_like(canvas[:, LEFT_PX:], BLUE_TABLE, 40) > 5000  # the table with its landing spots
@@ -97,31 +98,31 @@ def test_train_now_learns_to_place_balls_before_ones_eyes(window, trainer: Train
 
 
 def test_one_button_makes_a_film_of_the_training(
-    window, lab, workspace, trainer: Trainer, wait_for, tmp_path, monkeypatch
+    window, lab, workspace, trainer: Trainer, tmp_path, monkeypatch
 ) -> None:
     make = run_panel.export_training_film
 
     def once_cancelled(run, path, *, cancelled, **more):  # a fast machine is done before anybody could cancel
-        wait_for(cancelled, "the film to be cancelled")
+        eventually(cancelled, "the film to be cancelled")
         return make(run, path, cancelled=cancelled, **more)
 
     monkeypatch.setattr(run_panel, "export_training_film", once_cancelled)
     mode = enter(window)
-    start(window, wait_for, "filmed", 30)
-    wait_for(lambda: shows(mode, "filmed"), "its curves, not those of the run before it", PATIENT_S)
-    wait_for(lambda: phase(trainer) == "finished", "the training to finish", PATIENT_S)
+    start(window, "filmed", 30)
+    eventually(lambda: shows(mode, "filmed"), "its curves, not those of the run before it")
+    eventually(lambda: phase(trainer) == "finished", "the training to finish")
     window.wait_until_still()  # what ended has other buttons than what ran
     window.press("Film of this training")
     window.page.get_by_role("button", name="Cancel the film").wait_for()
     window.press("Cancel the film")
     window.page.get_by_text("cancelled").first.wait_for()
     assert not (workspace.exports / "filmed-film-1.mp4").exists()
-    wait_for(lambda: not lab.services.exporter._job.running, "the cancelled film to be gone")
+    eventually(lambda: not lab.services.exporter._job.running, "the cancelled film to be gone")
     monkeypatch.undo()
     window.press("Film of this training")
-    window.page.get_by_role("button", name="Download the film").wait_for(timeout=1e3 * PATIENT_S)
+    window.page.get_by_role("button", name="Download the film").wait_for()
     window.screenshot("train-film")
-    with window.page.expect_download(timeout=1e3 * PATIENT_S) as waiting:
+    with window.page.expect_download() as waiting:
         window.press("Download the film")
     waiting.value.save_as(tmp_path / "film.mp4")
     (made,) = lab.services.exporter.files()
@@ -133,58 +134,56 @@ BALLS = 20_000
 """More than are played before a test ends it."""
 
 
-def a_form_that_makes_no_sense_is_answered_in_one_line(window, trainer: Trainer, wait_for) -> None:
+def a_form_that_makes_no_sense_is_answered_in_one_line(window, trainer: Trainer) -> None:
     count = len(trainer.runs())
-    start(window, wait_for, "../../nothing", 0)
+    start(window, "../../nothing", 0)
     window.page.get_by_text("not a number of episodes").wait_for()
     window.fill(window.field("episodes"), "all of them")
     form = window.session._modes["Train"]._form_panel
-    wait_for(lambda: form._handles[("curriculum", "episodes")].value == "all of them", "the form")
+    eventually(lambda: form._handles[("curriculum", "episodes")].value == "all of them", "the form")
     window.press("Start")
     window.page.get_by_text("not a list of numbers").wait_for()
     assert len(trainer.runs()) == count and trainer.active() is None
 
 
-def a_browser_that_closes_changes_nothing_and_another_sees_the_same(
-    window, chromium, lab, trainer: Trainer, wait_for
-) -> None:
-    page = chromium.new_page(viewport={"width": 1280, "height": 720})
+def a_browser_that_closes_changes_nothing_and_another_sees_the_same(window, chromium, lab, trainer: Trainer) -> None:
+    page = open_page(chromium)
     other = type(window)(page, lab)
     other_mode = enter(other)
-    start(other, wait_for, TITLE, BALLS)
-    wait_for(lambda: phase(trainer) == "running", "the training to run", PATIENT_S)
+    start(other, TITLE, BALLS)
+    eventually(lambda: phase(trainer) == "running", "the training to run")
     page.close()
-    wait_for(lambda: other.session not in lab.sessions, "the browser to be gone")
+    eventually(lambda: other.session not in lab.sessions, "the browser to be gone")
     mode = window.session._modes["Train"]
-    wait_for(lambda: shows(mode, NAME) and mode.details.episodes_done > 0, "the other to see it")
+    eventually(lambda: shows(mode, NAME) and mode.details.episodes_done > 0, "the other to see it")
     done = mode.details.episodes_done
-    wait_for(lambda: mode.details.episodes_done > done + 20, "the training to go on")
+    eventually(lambda: mode.details.episodes_done > done + 20, "the training to go on")
     assert other_mode is not mode and newest(trainer).name == NAME
 
 
-def a_stop_is_confirmed_and_the_run_goes_on_from_there(window, trainer: Trainer, wait_for) -> None:
+def a_stop_is_confirmed_and_the_run_goes_on_from_there(window, trainer: Trainer) -> None:
     window.page.get_by_role("button", name="Stop", exact=True).click()
     window.page.get_by_text(f"Stop {NAME}?").wait_for()
     window.press("No, continue")
     window.page.get_by_text(f"Stop {NAME}?").wait_for(state="hidden")
     assert newest(trainer).phase == "running"
     window.page.get_by_role("button", name="Pause").click()
-    wait_for(lambda: phase(trainer) == "paused", "a pause")
+    eventually(lambda: phase(trainer) == "paused", "a pause")
     window.page.get_by_role("button", name="Go on").click()
-    wait_for(lambda: phase(trainer) == "running", "it to go on")
+    eventually(lambda: phase(trainer) == "running", "it to go on")
     window.page.get_by_role("button", name="Stop", exact=True).click()
     window.press("Yes, stop it")
-    wait_for(lambda: phase(trainer) == "stopped", "the stop", PATIENT_S)
+    eventually(lambda: phase(trainer) == "stopped", "the stop")
     before = newest(trainer).status
     window.press("Resume")
-    wait_for(lambda: phase(trainer) == "running", "it to go on", PATIENT_S)
+    eventually(lambda: phase(trainer) == "running", "it to go on")
     after = newest(trainer).status
     assert before is not None and after is not None and after.episode >= before.episode > 0
 
 
-def a_killed_training_is_reported_with_its_log_and_resumed(window, trainer: Trainer, wait_for) -> None:
+def a_killed_training_is_reported_with_its_log_and_resumed(window, trainer: Trainer) -> None:
     mode = window.session._modes["Train"]
-    wait_for(lambda: mode.details.evaluations, "a checkpoint", PATIENT_S)
+    eventually(lambda: mode.details.evaluations, "a checkpoint")
     status = newest(trainer).status
     assert status is not None and newest(trainer).name == NAME
     os.kill(status.pid, signal.SIGKILL)
@@ -194,14 +193,14 @@ def a_killed_training_is_reported_with_its_log_and_resumed(window, trainer: Trai
     window.page.get_by_text("ended with code -9").wait_for()
     window.screenshot("train-killed")
     window.press("Resume")
-    wait_for(lambda: phase(trainer) == "running", "it to go on", PATIENT_S)
+    eventually(lambda: phase(trainer) == "running", "it to go on")
     resumed = newest(trainer).status
     assert resumed is not None and resumed.episode >= 50
 
 
-def test_a_training_outlives_its_browser_a_stop_and_a_kill(window, chromium, lab, trainer: Trainer, wait_for) -> None:
+def test_a_training_outlives_its_browser_a_stop_and_a_kill(window, chromium, lab, trainer: Trainer) -> None:
     enter(window)
-    a_form_that_makes_no_sense_is_answered_in_one_line(window, trainer, wait_for)
-    a_browser_that_closes_changes_nothing_and_another_sees_the_same(window, chromium, lab, trainer, wait_for)
-    a_stop_is_confirmed_and_the_run_goes_on_from_there(window, trainer, wait_for)
-    a_killed_training_is_reported_with_its_log_and_resumed(window, trainer, wait_for)
+    a_form_that_makes_no_sense_is_answered_in_one_line(window, trainer)
+    a_browser_that_closes_changes_nothing_and_another_sees_the_same(window, chromium, lab, trainer)
+    a_stop_is_confirmed_and_the_run_goes_on_from_there(window, trainer)
+    a_killed_training_is_reported_with_its_log_and_resumed(window, trainer)

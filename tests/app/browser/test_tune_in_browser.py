@@ -11,25 +11,26 @@ from app.state.commands import SetMethod, SetOverlay, SetZoom, UseConfig
 from core.config import get_setting
 from core.detection import DetectorConfig, refined_config
 from core.detection.saved import load_detector
+from tests.app.browser.window import count_like, wait_until_sent
+from tests.waiting import eventually
 
-pytestmark = pytest.mark.browser
 YELLOW, GREEN = (255, 225, 60), (165, 225, 40)
 BALL_US = 300_000
 RADIUS_MAX = ("localise", "radius_max_px")
 
 
 @pytest.fixture
-def tune(window, wait_for):
+def tune(window):
     """A window in Tune at a moment with a ball, with a method that has stages."""
     window.session.send(SetMethod("auto"))
     window.seek(BALL_US)
     window.press("Tune")
-    wait_for(lambda: window.state.mode == "Tune", "Tune")
+    eventually(lambda: window.state.mode == "Tune", "Tune")
     window.page.get_by_text("ball at").first.wait_for()
     return window
 
 
-def test_it_begins_with_refined_and_the_file_that_is_saved_names_it(window, workspace, wait_for) -> None:
+def test_it_begins_with_refined_and_the_file_that_is_saved_names_it(window, workspace) -> None:
     window.seek(BALL_US)
     window.press("Tune")
     window.page.get_by_text("moves (").first.wait_for()
@@ -41,97 +42,97 @@ def test_it_begins_with_refined_and_the_file_that_is_saved_names_it(window, work
     assert load_detector(path) == ("refined", refined_config()) == window.state.detector
 
 
-def use_defaults(tune, wait_for) -> None:
+def use_defaults(tune) -> None:
     """The settings as they were before a part of a journey changed them."""
     tune.session.send(UseConfig(DetectorConfig()))
-    wait_for(lambda: tune.state.configs.present.a == DetectorConfig(), "the settings of the start")
+    eventually(lambda: tune.state.configs.present.a == DetectorConfig(), "the settings of the start")
 
 
-def the_stages_show_the_ball_its_hull_and_its_circle(tune, count_like) -> None:
+def the_stages_show_the_ball_its_hull_and_its_circle(tune) -> None:
     canvas = tune.wait_for_pixels("tune", lambda canvas: count_like(canvas, YELLOW) > 40)
     assert canvas.std() > 1
     for stage in ("denoise", "cluster", "geometry"):
         assert tune.page.get_by_text(stage.capitalize(), exact=True).count() >= 1
 
 
-def sliders_of_the_stage_that_is_shown_and_four_clusters_are_seen_without_scrolling(tune, wait_for, stage) -> None:
+def sliders_of_the_stage_that_is_shown_and_four_clusters_are_seen_without_scrolling(tune, stage) -> None:
     config = DetectorConfig()
     cluster = replace(config.cluster, eps_px=1, min_samples=1, size_min=1)
     config = replace(config, cluster=cluster, roi=replace(config.roi, enabled=False))
     tune.session.send(UseConfig(replace(config, denoise=replace(config.denoise, kernel_px=1))))
     tune.session.send(SetOverlay("clusters" if stage == "cluster" else "geometry"))
     rows = tune.page.locator("td", has_text=re.compile("^(ON|OFF)$"))
-    wait_for(lambda: rows.count() >= 4, "four clusters")
+    eventually(lambda: rows.count() >= 4, "four clusters")
     panel = tune.page.locator("[data-scrollarea-viewport]").filter(has=rows.first).last.bounding_box()
     fourth = rows.nth(3).bounding_box()
     assert fourth["y"] + fourth["height"] <= panel["y"] + panel["height"] + 1
     mark = tune.page.locator(f"#stage-{stage}")
-    wait_for(lambda: 0 < mark.bounding_box()["y"] < 600, "the stage's sliders at the top")
+    eventually(lambda: 0 < mark.bounding_box()["y"] < 600, "the stage's sliders at the top")
     last = tune.field({"cluster": "size max", "geometry": "solidity min"}[stage])
 
     def is_seen() -> bool:
         box = last.bounding_box()
         return box["y"] + box["height"] < 720
 
-    wait_for(is_seen, "its last slider, too")
+    eventually(is_seen, "its last slider, too")
     tune.screenshot(f"tune-at-once-{stage}")
 
 
-def a_slider_changes_the_overlay_and_undo_brings_it_back(tune, wait_for, count_like) -> None:
+def a_slider_changes_the_overlay_and_undo_brings_it_back(tune) -> None:
     tune.wait_for_pixels("before", lambda canvas: count_like(canvas, YELLOW) > 40)
     tune.fill(tune.field("radius max [px]"), "5")
-    wait_for(lambda: get_setting(tune.state.config, RADIUS_MAX) == 5, "the setting")
+    eventually(lambda: get_setting(tune.state.config, RADIUS_MAX) == 5, "the setting")
     tune.page.get_by_text("no ball").first.wait_for()
     tune.wait_for_pixels("rejected", lambda canvas: count_like(canvas, YELLOW) < 10)
     assert tune.page.get_by_text("> 5").count() >= 1, "the table says why"
     tune.field("radius max [px]").blur()
     tune.page.keyboard.press("z")
-    wait_for(lambda: tune.state.config == DetectorConfig(), "undo")
+    eventually(lambda: tune.state.config == DetectorConfig(), "undo")
     tune.wait_for_pixels("undone", lambda canvas: count_like(canvas, YELLOW) > 40)
 
 
-def two_configs_are_compared_on_one_window(tune, wait_for) -> None:
+def two_configs_are_compared_on_one_window(tune) -> None:
     tune.press("B")
-    wait_for(lambda: tune.state.tune.slot == "B", "slot B")
+    eventually(lambda: tune.state.tune.slot == "B", "slot B")
     tune.fill(tune.field("radius max [px]"), "5")
-    wait_for(lambda: get_setting(tune.state.config, RADIUS_MAX) == 5, "the setting of B")
+    eventually(lambda: get_setting(tune.state.config, RADIUS_MAX) == 5, "the setting of B")
     tune.field("Compare A and B").click()
-    wait_for(lambda: len(tune.session.sheet.pictures) == 2, "two pictures")
+    eventually(lambda: len(tune.session.sheet.pictures) == 2, "two pictures")
     tune.page.get_by_text("Config B:").first.wait_for()
     tune.page.get_by_text("ball at").first.wait_for()
     tune.page.get_by_text("no ball").first.wait_for()
     tune.screenshot("compare")
 
 
-def zoom_follows_the_ball_and_a_click_centres_it_elsewhere(tune, wait_for) -> None:
+def zoom_follows_the_ball_and_a_click_centres_it_elsewhere(tune) -> None:
     """Following is offered only where it does something."""
     assert tune.page.get_by_role("button", name="Follow the ball: zoom in first").is_disabled()
     tune.fill(tune.field("Zoom"), "8")
     assert tune.page.get_by_role("button", name="Follows the ball").is_disabled()
-    wait_for(lambda: region_of(tune).width == 160, "the zoomed view")
+    eventually(lambda: region_of(tune).width == 160, "the zoomed view")
     region = region_of(tune)
     truth = tune.page.get_by_text("ball at").first.inner_text()
     u = float(truth.split("(")[1].split(",")[0])
     assert abs(region.x + 80 - u) < 2
     tune.click_picture(100, 100)
-    wait_for(lambda: tune.state.tune.centre_px is not None, "the click")
+    eventually(lambda: tune.state.tune.centre_px is not None, "the click")
     assert tune.state.tune.centre_px[0] < region.x + 80
     tune.screenshot("zoom")
-    follow_again(tune, wait_for, region)
+    follow_again(tune, region)
 
 
 def region_of(tune) -> Region:
     return tune.session.sheet.pictures[0].region
 
 
-def follow_again(tune, wait_for, region: Region) -> None:
+def follow_again(tune, region: Region) -> None:
     """As the button does it, back to the ball."""
     tune.page.get_by_role("button", name="Follow the ball", exact=True).click()
-    wait_for(lambda: tune.state.tune.centre_px is None, "the view to follow the ball again")
-    wait_for(lambda: region_of(tune) == region, "the view of the ball")
+    eventually(lambda: tune.state.tune.centre_px is None, "the view to follow the ball again")
+    eventually(lambda: region_of(tune) == region, "the view of the ball")
 
 
-def a_rejected_ball_stays_in_view_in_red_and_its_verdict_leads_to_its_sliders(tune, wait_for, count_like) -> None:
+def a_rejected_ball_stays_in_view_in_red_and_its_verdict_leads_to_its_sliders(tune) -> None:
     region = region_of(tune)
     tune.fill(tune.field("radius max [px]"), "5")
     tune.page.get_by_text("no ball").first.wait_for()
@@ -141,18 +142,18 @@ def a_rejected_ball_stays_in_view_in_red_and_its_verdict_leads_to_its_sliders(tu
     slider = tune.page.locator("#stage-localise")
     assert slider.bounding_box()["y"] > 720
     tune.page.get_by_role("link", name=re.compile(r"radius .* > 5")).first.click()
-    wait_for(lambda: 0 < slider.bounding_box()["y"] < 720, "the sliders of the stage")
+    eventually(lambda: 0 < slider.bounding_box()["y"] < 720, "the sliders of the stage")
     assert slider.evaluate("mark => getComputedStyle(mark).backgroundColor") == "rgb(255, 140, 40)"
     tune.screenshot("tune-verdict")
 
 
-def a_click_on_a_cluster_puts_its_row_first(tune, wait_for) -> None:
+def a_click_on_a_cluster_puts_its_row_first(tune) -> None:
     region = region_of(tune)
     tune.click_picture(435, 250)  # the ball is in the middle
     row = tune.page.locator("tr[style*=background]")
     row.wait_for()
     assert "ball" in row.inner_text()
-    follow_again(tune, wait_for, region)
+    follow_again(tune, region)
 
 
 TYPE_AND_PRESS = """(field, save) => {
@@ -166,47 +167,47 @@ TYPE_AND_PRESS = """(field, save) => {
 """As a page that was drawing meanwhile handles them: the letters and the click in one go."""
 
 
-def what_was_typed_just_before_a_click_is_not_lost(tune, workspace, wait_for) -> None:
+def what_was_typed_just_before_a_click_is_not_lost(tune, workspace) -> None:
     save = tune.page.get_by_role("button", name="Save", exact=True).element_handle()
     tune.field("Name").evaluate(TYPE_AND_PRESS, save)
-    wait_for(lambda: list((workspace.root / "configs").glob("*.toml")), "the file")
+    eventually(lambda: list((workspace.root / "configs").glob("*.toml")), "the file")
     tune.page.get_by_text("Saved as busy").wait_for()
     assert (workspace.root / "configs" / "busy.toml").exists()
 
 
-def a_config_is_saved_under_a_plain_name_and_loads_again(tune, workspace, wait_for) -> None:
+def a_config_is_saved_under_a_plain_name_and_loads_again(tune, workspace) -> None:
     tune.fill(tune.field("radius max [px]"), "17")
-    wait_for(lambda: get_setting(tune.state.config, RADIUS_MAX) == 17, "the setting")
+    eventually(lambda: get_setting(tune.state.config, RADIUS_MAX) == 17, "the setting")
     tune.fill(tune.field("Name"), "../My config")
     tune.press("Save")
     path = workspace.root / "configs" / "my-config.toml"
-    wait_for(path.exists, "the file")
+    eventually(path.exists, "the file")
     assert load_detector(path) == tune.state.detector
-    wait_for(lambda: tune.field("Saved").input_value() == "my-config", "the choice of what was just saved")
+    eventually(lambda: tune.field("Saved").input_value() == "my-config", "the choice of what was just saved")
     tune.press("Reset")
-    wait_for(lambda: tune.state.config == DetectorConfig(), "reset")
+    eventually(lambda: tune.state.config == DetectorConfig(), "reset")
     tune.press("Save")
     tune.page.get_by_text("Saved as my-config-2").wait_for()
     tune.fill(tune.field("radius max [px]"), "18")
-    wait_for(lambda: get_setting(tune.state.config, RADIUS_MAX) == 18, "another setting")
+    eventually(lambda: get_setting(tune.state.config, RADIUS_MAX) == 18, "another setting")
     tune.fill(tune.field("Name"), "My config")
     tune.field("Name").press("Enter")
     tune.page.get_by_text("Saved as my-config-3").wait_for()
     assert get_setting(load_detector(path).config, RADIUS_MAX) == 17, "nor by Enter"
     tune.press("Undo")
-    wait_for(lambda: tune.state.config == DetectorConfig(), "undo")
+    eventually(lambda: tune.state.config == DetectorConfig(), "undo")
     tune.field("Name").press("Enter")
     tune.page.get_by_text("Saved as my-config-2").last.wait_for()
     assert load_detector(path).config != DetectorConfig(), "nothing is overwritten"
     assert len(list(path.parent.glob("my-config*.toml"))) == 3
-    wait_for(lambda: tune.field("Saved").input_value() == "my-config-2", "the choice of the second")
+    eventually(lambda: tune.field("Saved").input_value() == "my-config-2", "the choice of the second")
     tune.page.get_by_label("Saved").first.click()
     tune.page.get_by_role("option", name="my-config", exact=True).click()
     tune.press("Load")
-    wait_for(lambda: get_setting(tune.state.config, RADIUS_MAX) == 17, "the loaded config")
+    eventually(lambda: get_setting(tune.state.config, RADIUS_MAX) == 17, "the loaded config")
 
 
-def a_number_is_judged_when_it_is_complete(tune, wait_for) -> None:
+def a_number_is_judged_when_it_is_complete(tune) -> None:
     """The 5 of 500 is outside of the bounds: no complaint, and the box shows what is used."""
     page, window = tune.page, tune.field("window [µs]")
 
@@ -220,25 +221,25 @@ def a_number_is_judged_when_it_is_complete(tune, wait_for) -> None:
         window.dblclick()
         page.keyboard.type(typed)
         page.keyboard.press(key)
-        wait_for(lambda expected=expected: used() == expected == shown(), f"{typed} and {key} to give {expected}")
+        eventually(lambda expected=expected: used() == expected == shown(), f"{typed} and {key} to give {expected}")
     assert page.get_by_text("Out of range").count() == 0
 
 
-def a_number_may_be_typed_through_values_that_do_not_go_with_the_others(tune, wait_for, monkeypatch) -> None:
+def a_number_may_be_typed_through_values_that_do_not_go_with_the_others(tune, monkeypatch) -> None:
     """The 3 of 30 lies below the smallest radius: what is shown at the end is what is used, and nothing complains."""
     largest, complaint = tune.field("radius max [px]"), tune.page.get_by_text("No radius is allowed")
     tune.fill(tune.field("radius min [px]"), "10")
-    wait_for(lambda: tune.state.config.localise.radius_min_px == 10, "the smallest radius")
-    monkeypatch.setattr(settings, "REST_S", 10.0)  # a busy machine takes its time between two letters
+    eventually(lambda: tune.state.config.localise.radius_min_px == 10, "the smallest radius")
+    monkeypatch.setattr(settings, "REST_S", float("inf"))  # however long it takes from one letter to the next
     largest.dblclick()
     tune.page.keyboard.type("30", delay=200)
-    wait_for(lambda: tune.state.config.localise.radius_max_px == 30, "the largest radius")
+    eventually(lambda: tune.state.config.localise.radius_max_px == 30, "the largest radius")
     assert float(largest.input_value()) == 30 and complaint.count() == 0
 
     monkeypatch.undo()
     largest.fill("3")  # and no more of it
     complaint.wait_for()
-    wait_for(lambda: float(largest.input_value()) == 30, "the value that is used")
+    eventually(lambda: float(largest.input_value()) == 30, "the value that is used")
 
 
 def a_config_is_scored_over_the_recording(tune) -> None:
@@ -253,39 +254,41 @@ def a_config_is_scored_over_the_recording(tune) -> None:
     tune.screenshot("score-in-time")
 
 
-def thresholds_are_tuned_and_the_result_is_b_beside_a(tune, wait_for) -> None:
+def thresholds_are_tuned_and_the_result_is_b_beside_a(tune) -> None:
     tune.fill(tune.field("Trials"), "24")
     tune.screenshot("auto-tune-form")
-    geometry = tune.page.get_by_text("Geometry", exact=True).last
-    for _ in range(8):  # a click on a form that still unfolds may miss
-        if not geometry.is_visible():
-            tune.page.get_by_text("Thresholds", exact=True).click()
-            tune.page.wait_for_timeout(1000)
-    geometry.click()
+    for name in ("Thresholds", "Geometry"):
+        folder = tune.page.get_by_text(name, exact=True).last
+        tune.wait_until_at_rest(folder)  # a click on a form that still unfolds may miss
+        folder.click()
     tune.screenshot("auto-tune-thresholds")
     start = tune.state.configs.present.a
     tune.press("Tune automatically")
     tune.page.get_by_text("of 24 trials").wait_for()
     tune.screenshot("auto-tune-running")
-    wait_for(lambda: tune.state.tune.compare, "the result", timeout_s=400)
+    trials = tune.page.get_by_text("of 24 trials")
+    while not tune.state.tune.compare:
+        said = trials.all_inner_texts()
+        eventually(lambda said=said: tune.state.tune.compare or trials.all_inner_texts() != said, "the next trial")
     configs = tune.state.configs.present
     assert configs.a == start and tune.state.tune.slot == "B"
     tune.page.get_by_role("tab", name="Auto-tune").click()
     tune.page.get_by_text("held out", exact=True).wait_for()
     assert tune.page.get_by_text("importance", exact=True).count() == 1
-    wait_for(lambda: len(tune.session.sheet.pictures) == 2, "two pictures")
+    eventually(lambda: len(tune.session.sheet.pictures) == 2, "two pictures")
     tune.screenshot("auto-tune")
     tune.key("z")
-    wait_for(lambda: tune.state.configs.present.b == start, "undo")
+    eventually(lambda: tune.state.configs.present.b == start, "undo")
 
 
-def tuning_that_is_cancelled_changes_nothing_and_can_be_started_again(tune, wait_for) -> None:
+def tuning_that_is_cancelled_changes_nothing_and_can_be_started_again(tune) -> None:
     before = tune.state.configs.present
+    tune.fill(tune.field("Trials"), "400")  # not over before a slow page is told to cancel
     for _ in range(2):
         tune.press("Tune automatically")
-        tune.page.get_by_text("of 64 trials").wait_for()
+        tune.page.get_by_text("of 400 trials").wait_for()
         tune.press("Cancel tuning")
-        tune.page.get_by_text("of 64 trials").wait_for(state="hidden")
+        tune.page.get_by_text("of 400 trials").wait_for(state="hidden")
     assert tune.state.configs.present == before and not tune.state.tune.compare
 
 
@@ -302,18 +305,26 @@ def choose(tune, label: str, option: str) -> None:
     labelled = tune.page.locator("label").filter(has_text=re.compile(f"^{label}$"))
     labelled.locator("xpath=ancestor::*[.//input][1]").locator("input").first.click()
     tune.page.get_by_role("option", name=option, exact=True).click()
+    wait_until_sent(tune.page)
 
 
-def a_method_without_stages_shows_its_ball_and_its_own_sliders(tune, wait_for, count_like) -> None:
+def click_all(tune, *labels: str) -> None:
+    """Click boxes, each once the one before was sent."""
+    for label in labels:
+        tune.field(label).click()
+        wait_until_sent(tune.page)
+
+
+def a_method_without_stages_shows_its_ball_and_its_own_sliders(tune) -> None:
     choose(tune, "Method", "refined")
-    wait_for(lambda: tune.state.tune.method == "refined", "the method")
+    eventually(lambda: tune.state.tune.method == "refined", "the method")
     tune.page.get_by_text("moves (").first.wait_for()
     tune.wait_for_pixels("tune-refined", lambda canvas: count_like(canvas, YELLOW) > 40)
     motion = tune.field("motion [px]")
     assert motion.is_visible() and tune.page.get_by_text("circularity min").count() == 0
     assert tune.page.get_by_text("Stage", exact=True).count() == 0
     tune.fill(motion, "5")
-    wait_for(lambda: tune.state.config.refined.motion_px == 5.0, "the setting")
+    eventually(lambda: tune.state.config.refined.motion_px == 5.0, "the setting")
     assert tune.state.configs.present.a == DetectorConfig()
     tune.fill(tune.field("radius max [px]"), "4")
     tune.page.get_by_text("no ball").first.wait_for()
@@ -323,25 +334,25 @@ def a_method_without_stages_shows_its_ball_and_its_own_sliders(tune, wait_for, c
     tune.wait_for_pixels("tune-paper", lambda canvas: count_like(canvas, YELLOW) > 40)
 
 
-def methods_are_compared_over_the_recording_and_a_click_on_a_miss_jumps_there(tune, wait_for) -> None:
+def methods_are_compared_over_the_recording_and_a_click_on_a_miss_jumps_there(tune) -> None:
     tune.field("paper").click()
-    wait_for(lambda: tune.state.tune.compared == ("auto", "paper", "refined"), "the third method")
+    eventually(lambda: tune.state.tune.compared == ("auto", "paper", "refined"), "the third method")
     tune.screenshot("compare-form")
     tune.press("Compare over time")
     tune.page.get_by_text("against the truth").wait_for()
-    wait_for(lambda: tune.page.locator("canvas").count() >= 4, "three charts")
-    tune.page.wait_for_timeout(1000)
+    eventually(lambda: tune.page.locator("canvas").count() >= 4, "three charts")
+    tune.wait_for_frame()
     tune.screenshot("compare-over-time")
     misses = tune.page.get_by_role("button", name=re.compile(r"^0\.\d{4} s"))
     misses.first.wait_for()
     first = misses.first.inner_text()
     misses.first.click()
     start_us = round(float(first.split(" ")[0]) * 1e6)
-    wait_for(lambda: 0 <= tune.state.playhead.anchor_us - start_us <= 4000, "the cursor to be at the miss")
+    eventually(lambda: 0 <= tune.state.playhead.anchor_us - start_us <= 4000, "the cursor to be at the miss")
     choose(tune, "Answers of", "refined")
-    wait_for(lambda: misses.first.inner_text() != first, "the misses of refined")
+    eventually(lambda: misses.first.inner_text() != first, "the misses of refined")
     misses.first.click()
-    wait_for(lambda: tune.state.tune.method == "refined", "the method whose miss it is")
+    eventually(lambda: tune.state.tune.method == "refined", "the method whose miss it is")
     tune.press("false")
     tune.page.get_by_text("answers are false").wait_for()
     tune.screenshot("compare-false")
@@ -350,67 +361,65 @@ def methods_are_compared_over_the_recording_and_a_click_on_a_miss_jumps_there(tu
         choose(tune, "Over", "0.4 s around the cursor")
         tune.press("Compare over time")
         tune.page.get_by_text(f"agreement with {reference}, not error").wait_for()
-        tune.page.wait_for_timeout(1000)
+        tune.wait_for_frame()
         tune.screenshot(f"compare-agreement-{reference}")
     tune.field("Show the result").click()
     tune.page.get_by_text("agreement with fe-fusion").wait_for(state="hidden")
 
 
-def methods_stand_beside_each_other_on_the_same_window(tune, wait_for, count_like) -> None:
-    tune.field("ebpp").click()
-    tune.field("Side by side").click()
-    wait_for(lambda: len(tune.session.sheet.pictures) == 3, "three pictures")
+def methods_stand_beside_each_other_on_the_same_window(tune) -> None:
+    click_all(tune, "ebpp", "Side by side")
+    eventually(lambda: len(tune.session.sheet.pictures) == 3, "three pictures")
     assert len({picture.region for picture in tune.session.sheet.pictures}) == 1
     tune.page.get_by_text("refined: ").first.wait_for()
     tune.wait_for_pixels("side-by-side", lambda canvas: count_like(canvas, GREEN) > 40 < count_like(canvas, YELLOW))
-    for method in ("paper", "fe-fusion"):
-        tune.field(method).click()
-    wait_for(lambda: len(tune.session.sheet.pictures) == 5, "five pictures")
+    click_all(tune, "paper", "fe-fusion")
+    eventually(lambda: len(tune.session.sheet.pictures) == 5, "five pictures")
     tune.wait_for_pixels("side-by-side-all", lambda canvas: count_like(canvas, (255, 130, 210), 30) > 40)
-    for method in ("ebpp", "paper", "fe-fusion", "Side by side"):
-        tune.field(method).click()
-    wait_for(lambda: len(tune.session.sheet.pictures) == 1, "one picture again")
+    click_all(tune, "ebpp", "paper", "fe-fusion", "Side by side")
+    eventually(lambda: len(tune.session.sheet.pictures) == 1, "one picture again")
 
 
-def test_stages_settings_and_methods_change_what_is_found(tune, wait_for, count_like) -> None:
+@pytest.mark.gate
+def test_stages_settings_and_methods_change_what_is_found(tune) -> None:
     tune.session.send(SetZoom(3.0))  # where the picture is as wide as the sensor a ball's outline is a pixel
-    wait_for(lambda: region_of(tune).width < 500, "the nearer view")
-    the_stages_show_the_ball_its_hull_and_its_circle(tune, count_like)
-    a_slider_changes_the_overlay_and_undo_brings_it_back(tune, wait_for, count_like)
-    a_method_without_stages_shows_its_ball_and_its_own_sliders(tune, wait_for, count_like)
+    eventually(lambda: region_of(tune).width < 500, "the nearer view")
+    the_stages_show_the_ball_its_hull_and_its_circle(tune)
+    a_slider_changes_the_overlay_and_undo_brings_it_back(tune)
+    a_method_without_stages_shows_its_ball_and_its_own_sliders(tune)
 
 
-def test_the_zoomed_view_and_the_clusters_lead_to_the_ball(tune, wait_for, count_like) -> None:
-    zoom_follows_the_ball_and_a_click_centres_it_elsewhere(tune, wait_for)
-    a_click_on_a_cluster_puts_its_row_first(tune, wait_for)
-    a_rejected_ball_stays_in_view_in_red_and_its_verdict_leads_to_its_sliders(tune, wait_for, count_like)
+def test_the_zoomed_view_and_the_clusters_lead_to_the_ball(tune) -> None:
+    zoom_follows_the_ball_and_a_click_centres_it_elsewhere(tune)
+    a_click_on_a_cluster_puts_its_row_first(tune)
+    a_rejected_ball_stays_in_view_in_red_and_its_verdict_leads_to_its_sliders(tune)
 
 
-def test_sliders_are_in_reach_and_two_configs_are_compared(tune, wait_for) -> None:
+def test_sliders_are_in_reach_and_two_configs_are_compared(tune) -> None:
     for stage in ("cluster", "geometry"):
-        sliders_of_the_stage_that_is_shown_and_four_clusters_are_seen_without_scrolling(tune, wait_for, stage)
-    use_defaults(tune, wait_for)
-    two_configs_are_compared_on_one_window(tune, wait_for)
+        sliders_of_the_stage_that_is_shown_and_four_clusters_are_seen_without_scrolling(tune, stage)
+    use_defaults(tune)
+    two_configs_are_compared_on_one_window(tune)
 
 
-def test_numbers_are_typed_and_configs_are_saved(tune, workspace, wait_for, monkeypatch) -> None:
-    a_number_is_judged_when_it_is_complete(tune, wait_for)
-    use_defaults(tune, wait_for)
-    a_number_may_be_typed_through_values_that_do_not_go_with_the_others(tune, wait_for, monkeypatch)
-    use_defaults(tune, wait_for)
-    what_was_typed_just_before_a_click_is_not_lost(tune, workspace, wait_for)
-    a_config_is_saved_under_a_plain_name_and_loads_again(tune, workspace, wait_for)
+def test_numbers_are_typed_and_configs_are_saved(tune, workspace, monkeypatch) -> None:
+    a_number_is_judged_when_it_is_complete(tune)
+    use_defaults(tune)
+    a_number_may_be_typed_through_values_that_do_not_go_with_the_others(tune, monkeypatch)
+    use_defaults(tune)
+    what_was_typed_just_before_a_click_is_not_lost(tune, workspace)
+    a_config_is_saved_under_a_plain_name_and_loads_again(tune, workspace)
 
 
-def test_methods_are_compared_on_a_window_and_over_the_recording(tune, wait_for, count_like) -> None:
+def test_methods_are_compared_on_a_window_and_over_the_recording(tune) -> None:
     tune.page.get_by_text("Compare methods", exact=True).click()
-    methods_stand_beside_each_other_on_the_same_window(tune, wait_for, count_like)
-    methods_are_compared_over_the_recording_and_a_click_on_a_miss_jumps_there(tune, wait_for)
+    methods_stand_beside_each_other_on_the_same_window(tune)
+    methods_are_compared_over_the_recording_and_a_click_on_a_miss_jumps_there(tune)
 
 
-def test_a_config_is_scored_and_tuned(tune, wait_for) -> None:
+def test_a_config_is_scored_and_tuned(tune) -> None:
     a_config_is_scored_over_the_recording(tune)
     tune.page.get_by_text("Auto-tune", exact=True).first.click()
     tuning_against_labels_that_there_are_not_says_so(tune)
-    tuning_that_is_cancelled_changes_nothing_and_can_be_started_again(tune, wait_for)
-    thresholds_are_tuned_and_the_result_is_b_beside_a(tune, wait_for)
+    tuning_that_is_cancelled_changes_nothing_and_can_be_started_again(tune)
+    thresholds_are_tuned_and_the_result_is_b_beside_a(tune)

@@ -13,24 +13,20 @@ from app.scene.ball import BALL_RGB, CORE_RGB
 from app.scene.view_camera import ViewCamera
 from app.state.commands import StopAt
 from core.geometry import matrix_from_quaternion
+from tests.app.browser.window import choose, open_page
+from tests.waiting import eventually
 
-pytestmark = pytest.mark.browser
 SIZE = (960, 540)
 AT_US = 300_000
 
 
-def choose(window, label: str, option: str) -> None:
-    window.page.get_by_label(label, exact=True).first.click()
-    window.page.get_by_role("option", name=option, exact=True).click()
-
-
-def enter(window, title: str, wait_for) -> None:
+def enter(window, title: str) -> None:
     """Export's 3D view of the moment."""
     window.press("Export")
-    wait_for(lambda: window.state.mode == "Export", "the mode")
-    choose(window, "Format", title)
-    choose(window, "Size", "960 x 540")
-    wait_for(lambda: window.session.world.visible, "the 3D view in Export")
+    eventually(lambda: window.state.mode == "Export", "the mode")
+    choose(window.page, "Format", title)
+    choose(window.page, "Size", "960 x 540")
+    eventually(lambda: window.session.world.visible, "the 3D view in Export")
     window.wait_until_camera_stands()
 
 
@@ -52,25 +48,25 @@ def colour_at(image: np.ndarray, column: int, row: int) -> np.ndarray:
 
 
 @pytest.fixture
-def followed(window, lab, wait_for):
+def followed(window, lab):
     """The recording in 3D, all of it followed, at a moment with a ball."""
     window.session.send(ShowSpace(True))
     rally = lab.services.rallies.of(window.session.recording)
-    wait_for(lambda: rally.followed == 1.0, "the chain to follow the recording", 90)
+    eventually(lambda: rally.followed == 1.0, "the chain to follow the recording")
     window.session.send(StopAt(AT_US))
-    wait_for(lambda: window.state.playhead.anchor_us == AT_US, "the moment")
+    eventually(lambda: window.state.playhead.anchor_us == AT_US, "the moment")
     return rally
 
 
-def a_picture_of_the_3d_view_has_the_ball_where_the_view_has_it(window, workspace, followed, wait_for) -> None:
-    enter(window, "Picture of the 3D view (.png)", wait_for)
+def a_picture_of_the_3d_view_has_the_ball_where_the_view_has_it(window, workspace, followed) -> None:
+    enter(window, "Picture of the 3D view (.png)")
     eye, ball = window.session.world.eye, followed.picture_at(AT_US).ball
     camera = window.session.client.camera
     seen = (slice(0, camera.image_height), slice(0, camera.image_width))
     window.wait_for_pixels("export-view", lambda image: shows_ball(image, eye, ball), seen)
     window.page.locator("button", has_text="Export").last.click()
     path = workspace.exports / "serve-3d-1.png"
-    wait_for(path.is_file, "the picture", 90)
+    eventually(path.is_file, "the picture")
     image = np.asarray(Image.open(path))
     assert image.shape == (540, 960, 3) and shows_ball(image, eye, ball)
     screen = window.screenshot("export-view")[seen]
@@ -79,21 +75,21 @@ def a_picture_of_the_3d_view_has_the_ball_where_the_view_has_it(window, workspac
         there = 480 + (column - width / 2) * 540 / height, 270 + (row - height / 2) * 540 / height
         both = [colour_at(screen, column, row), colour_at(image, *map(round, there))]
         assert np.abs(both[0] - both[1]).max() < 14, f"the picture is as what is seen at {column}, {row}: {both}"
-    wait_for(lambda: not window.session._modes["Export"]._shots.running, "the view to be let go")
+    eventually(lambda: not window.session._modes["Export"]._shots.running, "the view to be let go")
 
 
-def a_film_of_the_3d_view_shows_each_moment_and_the_cursor_stays(window, workspace, followed, wait_for) -> None:
-    enter(window, "Film of the 3D view (.mp4)", wait_for)
-    choose(window, "Film speed", "1/2")
+def a_film_of_the_3d_view_shows_each_moment_and_the_cursor_stays(window, workspace, followed) -> None:
+    enter(window, "Film of the 3D view (.mp4)")
+    choose(window.page, "Film speed", "1/2")
     window.fill(window.field("From [s]"), "0.3")
     window.fill(window.field("To [s]"), "0.38")
     window.page.keyboard.press("Enter")
     plan = window.session._modes["Export"]._plan
-    wait_for(lambda: (plan.plan.start_us, plan.plan.end_us) == (300_000, 380_000), "the part")
+    eventually(lambda: (plan.plan.start_us, plan.plan.end_us) == (300_000, 380_000), "the part")
     eye = window.session.world.eye
     window.page.locator("button", has_text="Export").last.click()
     path = workspace.exports / "serve-3d-1.mp4"
-    wait_for(path.is_file, "the film", 120)
+    eventually(path.is_file, "the film")
     with av.open(str(path)) as film:
         frames = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
     assert len(frames) == 4 and frames[0].shape == (540, 960, 3)
@@ -101,15 +97,15 @@ def a_film_of_the_3d_view_shows_each_moment_and_the_cursor_stays(window, workspa
     assert all(shows_ball(frame, eye, ball) for frame, ball in zip(frames, balls, strict=True))
     assert not shows_ball(frames[-1], eye, balls[0]), "it has moved"
     assert window.state.playhead.position_us(0.0) == AT_US
-    wait_for(lambda: not window.session._modes["Export"]._shots.running, "the view to be let go")
+    eventually(lambda: not window.session._modes["Export"]._shots.running, "the view to be let go")
     window.wait_for_pixels(
         "export-film", lambda image: shows_ball(image, eye, followed.picture_at(AT_US).ball), seen_of(window)
     )
 
 
-def test_the_3d_view_becomes_a_picture_and_a_film(window, workspace, followed, wait_for) -> None:
-    a_picture_of_the_3d_view_has_the_ball_where_the_view_has_it(window, workspace, followed, wait_for)
-    a_film_of_the_3d_view_shows_each_moment_and_the_cursor_stays(window, workspace, followed, wait_for)
+def test_the_3d_view_becomes_a_picture_and_a_film(window, workspace, followed) -> None:
+    a_picture_of_the_3d_view_has_the_ball_where_the_view_has_it(window, workspace, followed)
+    a_film_of_the_3d_view_shows_each_moment_and_the_cursor_stays(window, workspace, followed)
 
 
 def seen_of(window) -> tuple[slice, slice]:
@@ -121,16 +117,16 @@ def is_running(state: ExportState | None) -> bool:
     return state is not None and state.running and state.share > 0
 
 
-def test_a_film_ends_with_its_browser_and_leaves_no_file(window, lab, workspace, followed, wait_for, chromium) -> None:
+def test_a_film_ends_with_its_browser_and_leaves_no_file(window, lab, workspace, followed, chromium) -> None:
     exporter, before = lab.services.exporter, set(workspace.exports.iterdir())
-    page = chromium.new_page(viewport={"width": 1280, "height": 720})
+    page = open_page(chromium)
     other = type(window)(page, lab)
     other.session.send(ShowSpace(True))
-    enter(other, "Film of the 3D view (.mp4)", wait_for)
-    choose(other, "Film speed", "1/32")
+    enter(other, "Film of the 3D view (.mp4)")
+    choose(page, "Film speed", "1/32")
     page.locator("button", has_text="Export").last.click()
-    wait_for(lambda: is_running(exporter.state()), "the first picture", 90)
+    eventually(lambda: is_running(exporter.state()), "the first picture")
     page.close()
-    wait_for(lambda: not exporter.state().running, "the film to end", 90)
+    eventually(lambda: not exporter.state().running, "the film to end")
     assert exporter.state().failed and exporter.state().message == "the browser that draws the picture is gone"
     assert set(workspace.exports.iterdir()) == before

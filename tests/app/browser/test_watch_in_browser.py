@@ -4,14 +4,15 @@ import pytest
 
 from app.state.client_state import ClientState
 from app.state.commands import SetPlaybackSpeed
+from tests.app.browser.window import count_like
+from tests.waiting import eventually
 
-pytestmark = pytest.mark.browser
 YELLOW, ORANGE, BLUE = (255, 225, 60), (255, 150, 50), (80, 150, 255)
 BALL_US = 340_000
 """A moment at which both cameras see the ball."""
 
 
-def it_opens_on_both_cameras_and_finds_the_ball_in_them(window, count_like) -> None:
+def it_opens_on_both_cameras_and_finds_the_ball_in_them(window) -> None:
     window.seek(BALL_US)
     canvas = window.wait_for_pixels(  # the picture of the moment before may still be there, with a ball too
         "watch",
@@ -23,24 +24,24 @@ def it_opens_on_both_cameras_and_finds_the_ball_in_them(window, count_like) -> N
     assert count_like(left, YELLOW) > 15 and count_like(right, YELLOW) > 15
 
 
-def the_space_bar_plays_and_pauses(window, wait_for) -> None:
+def the_space_bar_plays_and_pauses(window) -> None:
     window.session.send(SetPlaybackSpeed(0.01))  # so that it does not come to the end meanwhile
-    wait_for(lambda: window.state.playhead.speed == 0.01, "the speed")
+    eventually(lambda: window.state.playhead.speed == 0.01, "the speed")
     window.key(" ")
-    wait_for(lambda: window.state.playhead.playing, "play")
+    eventually(lambda: window.state.playhead.playing, "play")
     first = window.session.sheet
-    wait_for(lambda: window.session.sheet is not first, "the picture to move")
+    eventually(lambda: window.session.sheet is not first, "the picture to move")
     window.key(" ")
-    wait_for(lambda: not window.state.playhead.playing, "pause")
+    eventually(lambda: not window.state.playhead.playing, "pause")
     assert window.state.playhead.anchor_us > 0
 
 
-def steps_go_forth_and_back_by_button_and_key(window, wait_for) -> None:
+def steps_go_forth_and_back_by_button_and_key(window) -> None:
     window.seek(BALL_US)
     window.press("+10")
-    wait_for(lambda: window.state.playhead.anchor_us == BALL_US + 10_000, "ten steps on")
+    eventually(lambda: window.state.playhead.anchor_us == BALL_US + 10_000, "ten steps on")
     window.key("p")
-    wait_for(lambda: window.state.playhead.anchor_us == BALL_US + 9_000, "one step back")
+    eventually(lambda: window.state.playhead.anchor_us == BALL_US + 9_000, "one step back")
 
 
 def the_event_rate_and_the_health_are_shown(window) -> None:
@@ -50,35 +51,33 @@ def the_event_rate_and_the_health_are_shown(window) -> None:
     window.screenshot("health")
 
 
-def buttons_can_be_pressed_without_a_mouse(window, wait_for) -> None:
+def buttons_can_be_pressed_without_a_mouse(window) -> None:
     page = window.page
     play = page.get_by_role("button", name="Play", exact=True)
     page.get_by_role("button", name="Tune", exact=True).focus()
     page.keyboard.press("Enter")
-    wait_for(lambda: window.state.mode == "Tune", "Enter on Tune")
+    eventually(lambda: window.state.mode == "Tune", "Enter on Tune")
     page.get_by_role("button", name="Label", exact=True).focus()
     page.keyboard.press("Enter")
-    wait_for(lambda: window.state.mode == "Label", "Enter on Label")
+    eventually(lambda: window.state.mode == "Label", "Enter on Label")
     page.get_by_role("button", name="Watch", exact=True).click()
-    wait_for(lambda: window.state.mode == "Watch", "Watch")
+    eventually(lambda: window.state.mode == "Watch", "Watch")
     play.focus()
     page.keyboard.press("Enter")
-    wait_for(lambda: window.state.playhead.playing, "Enter on Play")
+    eventually(lambda: window.state.playhead.playing, "Enter on Play")
 
 
-def an_event_file_in_the_folder_is_offered_and_imported_when_it_is_opened(window, workspace, wait_for) -> None:
+def an_event_file_in_the_folder_is_offered_and_imported_when_it_is_opened(window, workspace) -> None:
     rows = "\n".join(f"{10 * k},{k % 300},{k % 200},{k % 2}" for k in range(5000))
     (workspace.recordings / "clip.csv").write_text(f"t,x,y,p\n{rows}\n")
     offered = window.session._interface._recording._dropdown
-    wait_for(lambda: any(name.startswith("clip.csv") for name in offered.options), "the folder to be looked at")
-    window.page.wait_for_timeout(500)  # and the page to be told
-    window.page.get_by_label("Recording").first.click()
-    window.page.get_by_role("option", name="clip.csv (CSV, imported when opened)").click()
+    eventually(lambda: any(name.startswith("clip.csv") for name in offered.options), "the folder to be looked at")
+    window.choose("Recording", "clip.csv (CSV, imported when opened)")
     window.page.get_by_role("button", name="Import", exact=True).click()
-    wait_for(lambda: window.state.recording == "clip", "the imported recording")
+    eventually(lambda: window.state.recording == "clip", "the imported recording")
     assert workspace.recording_path("clip").is_file()
     window.page.get_by_text("Pictures only: 3D needs two cameras").wait_for()
-    wait_for(lambda: window.page.get_by_label("Recording").first.input_value() == "clip", "its name in the list")
+    eventually(lambda: window.page.get_by_label("Recording").first.input_value() == "clip", "its name in the list")
     window.screenshot("imported")
 
 
@@ -93,37 +92,39 @@ def a_file_that_is_no_recording_is_reported_and_nothing_is_lost(window) -> None:
     assert window.state.recording == before.recording and window.session.sheet.pictures
 
 
-def the_look_of_the_pictures_can_be_changed(window, wait_for, count_like) -> None:
+def the_look_of_the_pictures_can_be_changed(window) -> None:
     window.seek(BALL_US)
     window.page.get_by_label("ON / OFF").first.click()
     window.page.get_by_role("option", name="red / green").click()
-    wait_for(lambda: window.state.look.colours == "red / green", "other colours")
+    eventually(lambda: window.state.look.colours == "red / green", "other colours")
     window.wait_for_pixels(
         "red-green", lambda canvas: count_like(canvas, BLUE) < 20 < count_like(canvas, (255, 80, 80))
     )
 
 
-def a_second_browser_has_its_own_time_and_mode(window, open_window, lab, wait_for) -> None:
+def a_second_browser_has_its_own_time_and_mode(window, open_window, lab) -> None:
     with open_window(lab) as other:
         opened_us = other.state.playhead.anchor_us
         assert 0 < opened_us < BALL_US, "at the first ball"
         window.seek(BALL_US)
         other.press("Tune")
-        wait_for(lambda: other.state.mode == "Tune", "the other browser's mode")
+        eventually(lambda: other.state.mode == "Tune", "the other browser's mode")
         assert window.state.mode == "Watch"
         assert other.state.playhead.anchor_us == opened_us
 
 
-def test_a_recording_is_watched_by_mouse_and_by_key(window, lab, open_window, wait_for, count_like) -> None:
-    it_opens_on_both_cameras_and_finds_the_ball_in_them(window, count_like)
-    a_second_browser_has_its_own_time_and_mode(window, open_window, lab, wait_for)
-    steps_go_forth_and_back_by_button_and_key(window, wait_for)
-    the_space_bar_plays_and_pauses(window, wait_for)
-    the_look_of_the_pictures_can_be_changed(window, wait_for, count_like)
+@pytest.mark.gate
+def test_a_recording_is_watched_by_mouse_and_by_key(window, lab, open_window) -> None:
+    it_opens_on_both_cameras_and_finds_the_ball_in_them(window)
+    a_second_browser_has_its_own_time_and_mode(window, open_window, lab)
+    steps_go_forth_and_back_by_button_and_key(window)
+    the_space_bar_plays_and_pauses(window)
+    the_look_of_the_pictures_can_be_changed(window)
     the_event_rate_and_the_health_are_shown(window)
-    buttons_can_be_pressed_without_a_mouse(window, wait_for)
+    buttons_can_be_pressed_without_a_mouse(window)
 
 
-def test_files_of_the_folder_are_opened_imported_or_refused(window, workspace, wait_for) -> None:
+@pytest.mark.gate
+def test_files_of_the_folder_are_opened_imported_or_refused(window, workspace) -> None:
     a_file_that_is_no_recording_is_reported_and_nothing_is_lost(window)
-    an_event_file_in_the_folder_is_offered_and_imported_when_it_is_opened(window, workspace, wait_for)
+    an_event_file_in_the_folder_is_offered_and_imported_when_it_is_opened(window, workspace)

@@ -14,6 +14,7 @@ from core.geometry import make_transform
 from core.recordings import RecordingWriter
 from tests.board_painter import BoardPainter
 
+pytestmark = pytest.mark.numeric
 BOARD = Board("dots", 5, 7, 0.03)
 CAMERA = Camera(
     SensorSize(400, 300),
@@ -68,6 +69,7 @@ def test_a_folder_of_pictures_gives_the_lens_and_a_report(folder: Path, capsys) 
     assert "the board was in " in text and "\nmissing: " in text
 
 
+@pytest.mark.gate
 def test_a_blinking_board_before_an_event_camera_gives_the_lens(pictures, tmp_path: Path, capsys) -> None:
     rng = np.random.default_rng(0)
     path = tmp_path / "blink.h5"

@@ -12,6 +12,7 @@ from app.cli import main
 from benchmarks.calibration.bench_rig import BallSwing, pose_errors, ring, seen_by
 from core.cameras import load_calibration, save_calibration
 
+pytestmark = pytest.mark.numeric
 CAMERAS = ring(4)
 SWING = BallSwing(2.5, middle_m=(0.0, 0.0, 0.4), reach_m=(0.9, 0.6, 0.3))
 
@@ -38,6 +39,7 @@ def calibrate(folder: Path, points: str, *more: str) -> int:
     return main(["calibrate", "rig", *given, "--scale", f"baseline={baseline_m}", "--out", f"{folder}/rig.toml", *more])
 
 
+@pytest.mark.gate
 def test_a_ball_swept_before_four_cameras_gives_their_poses(sweep: Path, capsys) -> None:
     assert calibrate(sweep, "points.csv", "--json", "--report", str(sweep / "rig.svg")) == 0
     figures = json.loads(capsys.readouterr().out)

@@ -11,6 +11,7 @@ from benchmarks.calibration.bench_rig import BallSwing, click_corners, seen_by
 from core.cameras import load_calibration, save_calibration, stereo_preset
 from core.simulation import LaunchConfig, StereoConfig, simulate_recording
 
+pytestmark = pytest.mark.numeric
 CAMERAS = stereo_preset("side")
 
 
@@ -61,6 +62,7 @@ def test_a_sweep_gives_a_calibration_that_other_verbs_read(sweep: Path, tmp_path
     assert main(made) == 0
 
 
+@pytest.mark.gate
 def test_without_json_a_person_reads_what_to_do(sweep: Path, capsys) -> None:
     assert main(from_files(sweep, "--scale", "baseline=3.5")) == 0
     text = capsys.readouterr().out

@@ -8,14 +8,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+from tests.waiting import PATIENCE_S
+
 CLI = [sys.executable, "-m", "app.cli"]
-WITHIN_S = 280
 
 
 def run(arguments: list[str], cache: Path) -> subprocess.CompletedProcess:
     """A verb with a cache of compiled kernels that is not this user's."""
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache)}
-    return subprocess.run([*CLI, *arguments], capture_output=True, text=True, env=environment, timeout=WITHIN_S)
+    return subprocess.run([*CLI, *arguments], capture_output=True, text=True, env=environment, timeout=PATIENCE_S)
 
 
 def kernels(cache: Path) -> int:

@@ -13,6 +13,8 @@ from core.detection import auto_config
 from core.detection.methods import method_config
 from core.recordings import RecordingWriter
 
+pytestmark = pytest.mark.numeric
+
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory) -> Path:
@@ -72,6 +74,7 @@ def test_the_score_in_time_is_worse_the_later_answers_come_and_only_where_it_is_
     assert "add --streaming" in capsys.readouterr().err
 
 
+@pytest.mark.gate
 def test_several_recordings_make_a_folder_of_the_same_tables_in_their_order(recording, tmp_path, capsys) -> None:
     second = tmp_path / "second.h5"
     shutil.copy(recording, second)

@@ -8,6 +8,8 @@ import pytest
 from app.cli import main
 from core.physics.fit_flights import simulate_flight, with_constants
 
+pytestmark = pytest.mark.numeric
+
 
 @pytest.fixture
 def files(tmp_path) -> list[str]:

@@ -7,13 +7,13 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
 
 from app.cli import main
 from core.recordings import open_recording
+from tests.waiting import eventually
 
 
 @pytest.fixture
@@ -32,6 +32,7 @@ def run(capsys, *words) -> tuple[int, str, str]:
     return code, out, err
 
 
+@pytest.mark.gate
 def test_one_source_becomes_a_recording(tmp_path, csv, capsys):
     code, out, err = run(capsys, "import", csv, tmp_path / "a.h5")
     assert (code, err) == (0, "")
@@ -102,6 +103,7 @@ def test_force_with_a_source_that_cannot_be_read_keeps_the_old_file(tmp_path, ca
     assert target.read_text() == "precious"
 
 
+@pytest.mark.gate
 def test_control_c_ends_the_import_and_leaves_no_file(tmp_path):
     source = tmp_path / "big.csv"
     with source.open("w") as file:
@@ -113,8 +115,7 @@ def test_control_c_ends_the_import_and_leaves_no_file(tmp_path):
         [sys.executable, "-c", "import sys; from app.cli import main; sys.exit(main())", "import", source, target],
         stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
-    while not target.exists() and process.poll() is None:
-        time.sleep(0.005)
+    eventually(lambda: target.exists() or process.poll() is not None, "the import to begin")
     os.kill(process.pid, signal.SIGINT)
     _, err = process.communicate()
     assert process.returncode == 130

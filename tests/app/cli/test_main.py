@@ -5,6 +5,7 @@ import pytest
 
 from app.cli import main
 from app.cli.main import VERBS
+from tests.waiting import PATIENCE_S
 
 
 def test_the_version_is_printed(capsys) -> None:
@@ -30,5 +31,7 @@ def test_every_verb_has_help(verb: str, capsys) -> None:
 
 def test_the_installed_script_returns_the_exit_code() -> None:
     code = "import sys; from app.cli import main; sys.exit(main(['info', 'no-such-file.h5']))"
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300, check=False)
+    ended = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=PATIENCE_S, check=False
+    )
     assert ended.returncode == 2 and ended.stderr.count("\n") == 1 and "no-such-file.h5" in ended.stderr

@@ -20,6 +20,7 @@ from core.recordings import open_recording
 from core.registry import forgotten_afterwards, use_plugins
 from labels.model import Label, LabelState
 from labels.store import LabelStore
+from tests.waiting import PATIENCE_S
 
 ROOT = Path(__file__).parents[3]
 
@@ -29,7 +30,8 @@ def rallyscope(*words: object, code: int = 0, path: Path | None = None, cwd: Pat
     places = os.pathsep.join(map(str, [ROOT] if path is None else [ROOT, path]))
     done = subprocess.run(
         [sys.executable, "-m", "app.cli", *map(str, words)],
-        capture_output=True, text=True, timeout=300, check=False, cwd=cwd, env={**os.environ, "PYTHONPATH": places},
+        capture_output=True, text=True, timeout=PATIENCE_S, check=False, cwd=cwd,
+        env={**os.environ, "PYTHONPATH": places},
     )  # fmt: skip
     assert done.returncode == code, done.stderr
     return done.stdout if code == 0 else done.stderr
@@ -65,6 +67,7 @@ def test_a_plugin_without_a_file_is_refused(words: str) -> None:
         split_plugins(words.split())
 
 
+@pytest.mark.gate
 def test_a_detector_is_a_method_of_detect_and_track(names, detector, serve_recording, tmp_path: Path) -> None:
     found = json.loads(rallyscope("detect", *names, *detector, "--out", tmp_path / "a.csv", "--json"))
     assert found["method"] == "median" and found["score"]["precision"] > 0.9 and found["score"]["recall"] > 0.9
@@ -125,6 +128,7 @@ def test_a_label_format_writes_and_reads_back(plugins: Path, serve_recording, tm
     assert "invalid choice: 'json-points'" in refused
 
 
+@pytest.mark.gate
 def test_a_reader_is_imported_and_opened(plugins: Path, serve_recording, tmp_path: Path) -> None:
     with open_recording(serve_recording) as recording:
         events = recording.cameras["left"].slice(100_000, 200_000)
@@ -162,6 +166,7 @@ def test_a_reward_trains_in_processes_and_its_settings_are_kept(plugins: Path, t
     assert json.loads(rallyscope("evaluate", tmp_path / "run", *reward, "--json"))
 
 
+@pytest.mark.gate
 def test_an_exporter_is_a_flag_of_export(plugins: Path, serve_recording, tmp_path: Path) -> None:
     exporter, out = ["--plugin", plugins / "npz_exporter.py"], tmp_path / "events.npz"
     rallyscope("export", serve_recording, "--npz", out, "--start-us", 100_000, "--end-us", 200_000, *exporter)
@@ -183,7 +188,7 @@ def test_the_shared_contract_tests_take_what_the_environment_names(plugins: Path
     suites = ["tests/core/detection/test_contract.py", "tests/labels/formats/test_contract.py"]
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *suites, "-k", "median or json-points"],
-        capture_output=True, text=True, timeout=500, check=False, cwd=ROOT,
+        capture_output=True, text=True, timeout=PATIENCE_S, check=False, cwd=ROOT,
         env={**os.environ, "RALLYSCOPE_PLUGINS": names},
     )  # fmt: skip
     assert done.returncode == 0 and "14 passed" in done.stdout, done.stdout

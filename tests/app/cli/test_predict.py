@@ -9,6 +9,7 @@ from app.cli import main
 from core.physics.config import physics_profile
 from core.physics.fit_flights import simulate_flight
 
+pytestmark = pytest.mark.numeric
 GRAVITY = 9.81
 
 

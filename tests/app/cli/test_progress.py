@@ -1,15 +1,16 @@
 """Long work says how far it is, in a terminal and where there is none."""
 
+import itertools
 import os
 import pty
 import sys
 import termios
-import time
 
 import pytest
 
 from app.cli import progress
 from app.cli.progress import progress_bar, progress_line
+from tests.waiting import eventually
 
 
 def test_without_a_terminal_work_that_lasts_says_how_far_it_is(
@@ -27,12 +28,14 @@ def test_without_a_terminal_work_that_lasts_says_how_far_it_is(
 
 def read_until(capsys: pytest.CaptureFixture[str], there: str) -> str:
     """What was said on standard error until these words were among it."""
-    said, deadline = "", time.monotonic() + 300
-    while there not in said or not said.endswith("\n"):
-        assert time.monotonic() < deadline, said
-        time.sleep(0.01)
-        said += capsys.readouterr().err
-    return said
+    said: list[str] = []
+
+    def heard() -> str:
+        said.append(capsys.readouterr().err)
+        text = "".join(said)
+        return text if there in text and text.endswith("\n") else ""
+
+    return eventually(heard, f"{there!r} to be said", lambda: said)
 
 
 def test_what_is_done_soon_says_nothing_without_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
@@ -52,8 +55,9 @@ def test_a_terminal_has_a_bar_and_the_time_left(monkeypatch: pytest.MonkeyPatch)
     termios.tcsetwinsize(theirs, (24, 80))
     with os.fdopen(theirs, "w") as terminal:
         monkeypatch.setattr(sys, "stderr", terminal)
+        seconds = itertools.count()  # a bar is drawn again only after a while
+        monkeypatch.setattr("tqdm.std.time", lambda: float(next(seconds)))
         with progress_bar("Tracking") as show:
-            time.sleep(0.2)
             show(0.5)
             show.say("half of it")
         seen = ""

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
-import time
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +22,7 @@ from core.devices.models import DVXPLORER, EVK4
 from core.events import Events, SensorSize
 from core.recordings import RecordingWriter, open_recording
 from tests.core.devices.replayed_hardware import Replayed, ReplayedLibrary
+from tests.waiting import PATIENCE_S, eventually
 
 STARTED = """
 import sys
@@ -65,10 +69,30 @@ def start(recording: Path, *words: str) -> subprocess.Popen:
 
 
 def wait_for_bytes(path: Path, count: int, process: subprocess.Popen) -> None:
-    until = time.monotonic() + 300
-    while not path.exists() or path.stat().st_size < count:
-        assert time.monotonic() < until and process.poll() is None, process.stderr and process.stderr.read()
-        time.sleep(0.05)
+    def has_them() -> bool:
+        assert process.poll() is None, process.stderr and process.stderr.read()
+        return path.exists() and path.stat().st_size >= count
+
+    eventually(has_them, f"{count:,} bytes in {path.name}")
+
+
+@contextmanager
+def ctrl_c_after(library: ReplayedLibrary, duration_us: int) -> Iterator[None]:
+    """Ctrl-C for what runs meanwhile, once it listens to that and has read so much of every camera."""
+    usual = signal.getsignal(signal.SIGINT)
+
+    def has_all() -> bool:
+        seen = [device.sent_us for device in library.opened]
+        return len(seen) == len(library.cameras) and min(seen) > duration_us
+
+    def interrupt() -> None:
+        eventually(lambda: signal.getsignal(signal.SIGINT) is not usual and has_all(), "all packets to be read")
+        os.kill(os.getpid(), signal.SIGINT)
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    yield
+    thread.join()
 
 
 def assert_saw(path: Path, serve_recording: Path, *, all_of_it: bool = True) -> None:
@@ -82,11 +106,13 @@ def assert_saw(path: Path, serve_recording: Path, *, all_of_it: bool = True) -> 
             np.testing.assert_array_equal(seen.x_px, saw.x_px[:count])
 
 
+@pytest.mark.gate
 def test_a_stereo_pair_is_recorded_with_its_calibration(plugged_in, serve_recording, tmp_path, capsys):
     out, cameras = tmp_path / "pair.h5", tmp_path / "cameras.toml"
     save_calibration(cameras, stereo_preset())
     words = ["--source", "camera:0,1", "--sync-cable", "--calibration", str(cameras), "--out", str(out)]
-    assert main(["record", *words, "--seconds", "3", "--json"]) == 0
+    with open_recording(serve_recording) as recording, ctrl_c_after(plugged_in, recording.duration_us):
+        assert main(["record", *words, "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["packets_dropped"] == {"left": 0, "right": 0} and report["path"] == str(out)
     assert [one.configuration.clock.name for one in plugged_in.opened] == ["EXTERNAL", "INTERNAL_WITH_OUTPUT_ENABLED"]
@@ -103,12 +129,13 @@ def test_ctrl_c_ends_it_properly(serve_recording, tmp_path, stop):
     process = start(serve_recording, "--source", "camera:0,1", "--sync-cable", "--out", str(out), "--keep-raw")
     wait_for_bytes(tmp_path / "pair.left.raw", 200_000, process)
     process.send_signal(stop)
-    said, problems = process.communicate(timeout=300)
+    said, problems = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0 and "left:" in said and "Traceback" not in problems
     assert_saw(out, serve_recording, all_of_it=False)
     assert (tmp_path / "pair.left.raw").exists()
 
 
+@pytest.mark.gate
 def test_after_a_kill_import_makes_the_recording(serve_recording, tmp_path, capsys):
     out = tmp_path / "pair.h5"
     process = start(serve_recording, "--source", "camera:0,1", "--sync-cable", "--out", str(out))
@@ -116,7 +143,7 @@ def test_after_a_kill_import_makes_the_recording(serve_recording, tmp_path, caps
     for path in raw:
         wait_for_bytes(Path(path), 200_000, process)
     process.kill()
-    process.wait(300)
+    process.wait(PATIENCE_S)
     assert not out.exists()
     assert main(["import", *raw, str(out)]) == 0
     assert_saw(out, serve_recording, all_of_it=False)
@@ -127,7 +154,7 @@ def test_a_full_disk_is_one_line_and_what_came_is_kept(serve_recording, tmp_path
     out = tmp_path / "pair.h5"
     limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, 400_000))\n{STARTED}"
     words = [str(serve_recording), "record", "--source", "camera:0,1", "--sync-cable", "--out", str(out)]
-    done = subprocess.run([sys.executable, "-c", limited, *words], capture_output=True, text=True, timeout=300)
+    done = subprocess.run([sys.executable, "-c", limited, *words], capture_output=True, text=True, timeout=PATIENCE_S)
     said = done.stderr.strip().splitlines()
     assert done.returncode == 2 and "Traceback" not in done.stderr
     assert said[-1].startswith("rallyscope:") and "cannot write what the camera sends" in said[-1]
@@ -171,7 +198,7 @@ def test_a_replay_goes_round_if_that_is_asked_for(tmp_path, capsys):
     events = Events.from_columns(t, t % 61, t % 47, t % 3 == 0, SensorSize(64, 48))
     with RecordingWriter(short, {"camera": events.sensor}) as writer:
         writer.append("camera", events)
-    words = ["--source", f"replay:{short}@5", "--loop", "--seconds", "1"]
+    words = ["--source", f"replay:{short}@20", "--loop", "--seconds", "1"]
     assert main(["record", *words, "--out", str(out), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["events"]["camera"] > 2 * len(events)
     with open_recording(out) as recording:

@@ -1,13 +1,11 @@
 """`rallyscope serve` as a process, without a browser."""
 
 import json
-import re
 import shutil
 import signal
 import socket
 import subprocess
 import sys
-import time
 import urllib.request
 from pathlib import Path
 
@@ -17,7 +15,9 @@ from app.cli import main, serve
 from app.cli.arguments import Parser, add_arguments, read_arguments
 from app.cli.replay import read_replay
 from core.physics.config import physics_profile
+from tests.app.cli.printed_address import address_in
 from tests.processes import is_alive
+from tests.waiting import PATIENCE_S, eventually
 
 SERVE = [sys.executable, "-c", "import sys; from app.cli import main; sys.exit(main(sys.argv[1:]))", "serve"]
 
@@ -32,31 +32,30 @@ def start(arguments: list[str], log: Path) -> tuple[subprocess.Popen, str]:
     """The running process and the address that it printed."""
     with log.open("w") as out:
         process = subprocess.Popen([*SERVE, *arguments], stdout=out, stderr=subprocess.STDOUT)
-    deadline = time.monotonic() + 300
-    while time.monotonic() < deadline and process.poll() is None:
-        found = re.search(r"http://\S+", log.read_text())
-        if found:
-            return process, found.group()
-        time.sleep(0.1)
-    process.kill()
-    raise AssertionError(log.read_text())
+    try:
+        return process, address_in(log, process)
+    except AssertionError:
+        process.kill()
+        raise
 
 
 @pytest.mark.parametrize("stop", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.gate
 def test_it_serves_a_page_and_ends_calmly(serve_recording, tmp_path, stop) -> None:
     arguments = [str(serve_recording), "--port", "0", "--data", str(tmp_path / "data")]
     process, address = start(arguments, tmp_path / "log")
     try:
         assert address.startswith("http://127.0.0.1:")
-        with urllib.request.urlopen(address, timeout=300) as page:
+        with urllib.request.urlopen(address, timeout=PATIENCE_S) as page:
             assert b"<html" in page.read(2000).lower()
     finally:
         process.send_signal(stop)
-    assert process.wait(300) == 0
+    assert process.wait(PATIENCE_S) == 0
     said = (tmp_path / "log").read_text()
     assert "serve" in said and "Traceback" not in said and "viser" not in said
 
 
+@pytest.mark.gate
 def test_without_a_recording_it_shows_a_live_rally_whose_simulation_ends_with_it(serve_recording, tmp_path) -> None:
     recordings = tmp_path / "data" / "recordings"
     recordings.mkdir(parents=True)
@@ -65,18 +64,12 @@ def test_without_a_recording_it_shows_a_live_rally_whose_simulation_ends_with_it
     started = Path(f"/proc/{process.pid}/task/{process.pid}/children")
     try:
         assert "'live'" in (tmp_path / "log").read_text()
-        deadline = time.monotonic() + 300
-        while not (children := started.read_text().split()):  # after its page
-            assert time.monotonic() < deadline and process.poll() is None
-            time.sleep(0.05)
+        children = eventually(lambda: started.read_text().split(), "the simulation to start")  # after its page
     finally:
         process.kill()  # no time to say goodbye
-    process.wait(300)
-    deadline = time.monotonic() + 300
-    for child in children:
-        while is_alive(int(child)):
-            assert time.monotonic() < deadline, "what the app had started outlived it"
-            time.sleep(0.1)
+    process.wait(PATIENCE_S)
+    alive = lambda: [child for child in children if is_alive(int(child))]  # noqa: E731
+    eventually(lambda: not alive(), "what the app had started to end", alive)
 
 
 def test_a_recording_is_replayed_as_live_and_starts_nothing_else(serve_recording, tmp_path) -> None:
@@ -86,7 +79,7 @@ def test_a_recording_is_replayed_as_live_and_starts_nothing_else(serve_recording
         assert "'live'" in (tmp_path / "log").read_text()
     finally:
         process.send_signal(signal.SIGTERM)
-    assert process.wait(300) == 0
+    assert process.wait(PATIENCE_S) == 0
     assert "Traceback" not in (tmp_path / "log").read_text()
 
 

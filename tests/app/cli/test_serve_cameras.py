@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import re
 import signal
 import subprocess
 import sys
-import time
 import urllib.request
 
 import pytest
@@ -14,6 +12,8 @@ import pytest
 from app.cli import main
 from core.cameras import save_calibration, stereo_preset
 from core.events import SensorSize
+from tests.app.cli.printed_address import address_in
+from tests.waiting import PATIENCE_S
 
 STARTED = """
 import sys
@@ -43,15 +43,11 @@ def test_cameras_are_served_and_closed(serve_recording, tmp_path) -> None:
         command = [sys.executable, "-c", STARTED, str(serve_recording), *words, *places]
         process = subprocess.Popen(command, stdout=out, stderr=subprocess.STDOUT)
     try:
-        until = time.monotonic() + 300
-        while not (found := re.search(r"http://\S+", log.read_text())):
-            assert time.monotonic() < until and process.poll() is None, log.read_text()
-            time.sleep(0.1)
-        with urllib.request.urlopen(found.group(), timeout=300) as page:
+        with urllib.request.urlopen(address_in(log, process), timeout=PATIENCE_S) as page:
             assert b"<html" in page.read(2000).lower()
     finally:
         process.send_signal(signal.SIGINT)
-    assert process.wait(300) == 0, log.read_text()
+    assert process.wait(PATIENCE_S) == 0, log.read_text()
     assert "Traceback" not in log.read_text()
 
 

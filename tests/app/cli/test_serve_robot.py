@@ -6,8 +6,7 @@ import signal
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import h5py
 import numpy as np
@@ -17,16 +16,11 @@ from app.shared.live_rally import LiveRally
 from core.live.replay_source import ReplaySource
 from core.recordings import open_recording
 from core.robot import RobotClient, RobotServer, RobotWatchConfig
+from tests.app.cli.printed_address import address_in
 from tests.core.robot.limits import LIMITS
+from tests.waiting import PATIENCE_S, eventually
 
 PLACE = (-1.5, 0.125, 0.25)
-
-
-def wait_for(true: Callable[[], object], what: object) -> None:
-    until = time.monotonic() + 300
-    while not true():
-        assert time.monotonic() < until, f"it did not happen in time: {what}"
-        time.sleep(0.02)
 
 
 @pytest.fixture
@@ -46,6 +40,7 @@ def standing() -> Iterator[RobotServer]:
     server.close()
 
 
+@pytest.mark.gate
 def test_a_robot_is_found_and_stopped_when_the_app_ends(standing: RobotServer, serve_recording, tmp_path) -> None:
     log = tmp_path / "log"
     words = ["serve", "--source", f"replay:{serve_recording}", "--robot", standing.address]
@@ -53,14 +48,15 @@ def test_a_robot_is_found_and_stopped_when_the_app_ends(standing: RobotServer, s
         command = [sys.executable, "-m", "app.cli", *words, "--port", "0", "--data", str(tmp_path / "data")]
         process = subprocess.Popen(command, stdout=out, stderr=subprocess.STDOUT)
     try:
-        wait_for(lambda: "http://" in log.read_text() or process.poll() is not None, log)
-        wait_for(lambda: standing.offset_us is not None or process.poll() is not None, "their clocks to be compared")
+        address_in(log, process)
+        eventually(lambda: standing.offset_us is not None or process.poll() is not None, "their clocks to be compared")
         assert process.poll() is None, log.read_text()
         assert standing.stopped == "robot: not started yet: a person has to"
     finally:
         process.send_signal(signal.SIGINT)
-    assert process.wait(300) == 0, log.read_text()
-    wait_for(lambda: standing.stopped == "rallyscope: Rallyscope was ended", standing.stopped)
+    assert process.wait(PATIENCE_S) == 0, log.read_text()
+    by_the_app = "rallyscope: Rallyscope was ended"
+    eventually(lambda: standing.stopped == by_the_app, "the robot to be stopped", lambda: standing.stopped)
     assert "Traceback" not in log.read_text()
 
 
@@ -71,10 +67,10 @@ def test_what_the_robot_tells_of_its_racket_is_shown_and_recorded(
     rally = LiveRally(ReplaySource(open_recording(serve_recording), "serve.h5"), robot=robot)
     try:
         assert rally.has_robot and rally.simulation is None
-        wait_for(lambda: rally.history.at(rally.recording.duration_us, {}).picture.racket is not None, "the racket")
+        eventually(lambda: rally.history.at(rally.recording.duration_us, {}).picture.racket is not None, "the racket")
         path, since_us = tmp_path / "rally.h5", rally.recording.duration_us
         rally.record(path)
-        wait_for(lambda: rally.recording.duration_us > since_us + 500_000, "half a second")
+        eventually(lambda: rally.recording.duration_us > since_us + 500_000, "half a second")
         assert rally.stop_recording() > 0
     finally:
         rally.close()

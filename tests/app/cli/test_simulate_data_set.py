@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import h5py
@@ -14,6 +13,7 @@ import pytest
 from app.cli import main
 from core.data_sets import CARD, MANIFEST
 from tests.processes import is_alive
+from tests.waiting import PATIENCE_S, eventually
 
 SMALL = ("--sensor", "48x32", "--serves", "1")
 
@@ -35,15 +35,6 @@ def children_of(process: int) -> set[int]:
     while new := {child for child, parent in parents.items() if parent in {process, *found}} - found:
         found |= new
     return found
-
-
-def wait_until(condition, seconds: float) -> bool:
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if condition():
-            return True
-        time.sleep(0.02)
-    return False
 
 
 def test_lists_make_a_folder_of_recordings_with_a_card_and_a_second_run_finds_them(tmp_path: Path, capsys) -> None:
@@ -123,7 +114,7 @@ def test_an_end_by_force_leaves_no_half_recording_and_no_process_and_the_next_ru
     command = [sys.executable, "-m", "app.cli", "simulate", "--out", str(out), *arguments]
     run = subprocess.Popen(command, stderr=subprocess.PIPE, start_new_session=True)
     try:
-        assert wait_until(lambda: len(list(out.glob(".*.partial.h5"))) == 2, 300), "two are being made"
+        eventually(lambda: len(list(out.glob(".*.partial.h5"))) == 2, "two that are being made")
         helpers = children_of(run.pid)
         assert len(helpers) >= 2
         if how is signal.SIGINT:
@@ -132,9 +123,9 @@ def test_an_end_by_force_leaves_no_half_recording_and_no_process_and_the_next_ru
             os.killpg(run.pid, how)  # Ctrl-C reaches the whole group
         else:
             run.send_signal(how)
-        _, error = run.communicate(timeout=300)
+        _, error = run.communicate(timeout=PATIENCE_S)
         assert run.returncode == code
-        assert wait_until(lambda: not any(is_alive(helper) for helper in helpers), 300), "no orphans"
+        eventually(lambda: not any(is_alive(helper) for helper in helpers), "what it started to end, too")
     finally:
         if run.poll() is None:
             os.killpg(run.pid, signal.SIGKILL)

@@ -12,6 +12,8 @@ from core.config import replace_setting, save_config
 from core.detection import auto_config
 from core.recordings import RecordingWriter
 
+pytestmark = pytest.mark.numeric
+
 
 def test_the_table_has_a_row_per_point_in_space(serve_recording: Path, tmp_path, capsys) -> None:
     out = tmp_path / "track.csv"

@@ -23,6 +23,7 @@ from core.learning.task.environment import draw_serve_batch
 from core.live.link.guard import ServerKeys, make_keys, read_server_keys
 from core.live.link.server import ServerConfig, SimulationServer
 from tests.core.learning.task.test_recorded_balls import write_states
+from tests.waiting import PATIENCE_S
 
 SHORT = ["--agent", "landing-model", "--state-source", "truth"]
 
@@ -102,7 +103,7 @@ def serving(keys: ServerKeys | None = None, cameras: dict[str, Camera] | None = 
     thread = threading.Thread(target=serve)
     thread.start()
     try:
-        yield addresses.get(timeout=300)
+        yield addresses.get(timeout=PATIENCE_S)
     finally:
         ended.set()
         thread.join()
@@ -115,6 +116,7 @@ def server() -> Iterator[str]:
 
 
 @pytest.mark.parametrize("state_source", ["truth", "predicted"])
+@pytest.mark.gate
 def test_a_simulation_server_gives_the_same_training(state_source: str, server: str, tmp_path: Path) -> None:
     options = ["--agent", "landing-model", "--episodes", "4", "--state-source", state_source, "--out"]
     assert main(["train", *options, str(tmp_path / "home")]) == 0

@@ -5,7 +5,6 @@ import json
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +20,7 @@ from core.learning.detector_training.config import DetectorTrainingConfig
 from core.learning.detector_training.crops import BallStreak, draw_streak
 from core.learning.detector_training.run import score_sharp
 from core.recordings import PixelTruth, RecordingWriter
+from tests.waiting import PATIENCE_S, eventually
 
 SENSOR = SensorSize(128, 96)
 TINY = DetectorTrainingConfig(
@@ -68,6 +68,7 @@ def one_flight(monkeypatch) -> None:
     monkeypatch.setattr(training, "score_sharp", few)
 
 
+@pytest.mark.gate
 def test_from_recordings_to_weights_that_detect_takes(data, settings, tmp_path, capsys) -> None:
     out = tmp_path / "weights.safetensors"
     arguments = ["train-detector", "yolo", "--data", str(data), "--config", str(settings), "--device", "cpu"]
@@ -99,11 +100,9 @@ def test_killed_by_ctrl_c_it_goes_on_with_the_same_command(data, tmp_path, capsy
     command = [sys.executable, "-m", "app.cli", *arguments, "--out", str(out)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     checkpoint = training.training_folder(out) / "checkpoint.safetensors"
-    until = time.monotonic() + 300
-    while not checkpoint.exists() and process.poll() is None and time.monotonic() < until:
-        time.sleep(0.1)
+    eventually(lambda: checkpoint.exists() or process.poll() is not None, "a checkpoint")
     process.send_signal(signal.SIGINT)
-    text, error = process.communicate(timeout=300)
+    text, error = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0 and "the same command goes on" in text, error
     assert checkpoint.exists() and not out.exists()
     assert main([*arguments, "--out", str(out), "--seed", "9"]) == 2

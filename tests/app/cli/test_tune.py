@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,7 @@ from core.detection.saved import load_detector
 from core.recordings import open_recording
 from labels.model import Label, LabelState
 from labels.store import LabelStore
+from tests.waiting import PATIENCE_S
 
 STRICT = replace_setting(DetectorConfig(), ("geometry", "circularity_min"), 0.9)
 NAMES = "geometry.circularity_min,localise.radius_min_px"
@@ -34,6 +34,7 @@ def tune(recording: Path, out: Path, *more: object) -> int:
     return main(["tune", str(recording), "--out", str(out), "--trials", "9", "--jobs", "1", *map(str, more)])
 
 
+@pytest.mark.gate
 def test_the_config_is_better_than_the_one_it_started_from_and_detect_takes_it(
     serve_recording: Path, strict: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -144,9 +145,8 @@ def test_a_polite_end_leaves_the_best_so_far(serve_recording: Path, tmp_path: Pa
     while "best" not in (line := child.stdout.readline()):
         assert line, "it ended by itself"
     child.send_signal(signal.SIGINT)
-    ended_s = time.monotonic()
-    *_, last = child.communicate(timeout=300)[0].splitlines()
-    assert child.returncode == 0 and time.monotonic() - ended_s < 60
+    *_, last = child.communicate(timeout=PATIENCE_S)[0].splitlines()
+    assert child.returncode == 0
     report = json.loads(last)
     assert report["stopped"] and 1 <= report["trials"] < report["asked"]
     assert load_detector(out).method == "refined"
@@ -162,7 +162,7 @@ def test_it_ends_with_its_parent(serve_recording: Path, tmp_path: Path) -> None:
     child.stdout.readline()
     child.stdin.close()
     child.stdout.read()
-    assert child.wait(timeout=300) == 0
+    assert child.wait(timeout=PATIENCE_S) == 0
     with pytest.raises(ProcessLookupError):
         os.kill(child.pid, 0)
 

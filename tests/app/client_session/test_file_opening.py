@@ -1,7 +1,6 @@
 """Opening a file without a browser: the messages that the page would get."""
 
 import shutil
-import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -18,6 +17,7 @@ from app.shared.workspace import Workspace
 from app.web.pages import Message
 from core.files import PREFIX
 from tests.app.shared.event_files import write_csv, write_npz
+from tests.waiting import eventually
 
 
 class Page:
@@ -48,12 +48,14 @@ class Page:
         return self.told.get("opening", [{}])[-1]
 
     def run_until(self, condition: Callable[[], object]) -> None:
-        deadline = time.monotonic() + 300
-        while not condition():
-            assert time.monotonic() < deadline, self.told
+        def turn() -> object:
+            if found := condition():
+                return found
             while self.acts:
                 self.acts.pop(0)()
-            time.sleep(0.01)
+            return None
+
+        eventually(turn, "what the page is to be told", lambda: self.told)
 
 
 @pytest.fixture

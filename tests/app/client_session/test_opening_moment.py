@@ -1,6 +1,5 @@
 """The first bounce in slow motion, on the chain's own history of a recorded serve."""
 
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from core.history.following import Followings
 from core.history.rally_history import RallyHistory
 from core.recordings import open_recording
 from core.recordings.truth import turning_points
+from tests.waiting import eventually
 
 
 @pytest.fixture(scope="module")
@@ -23,10 +23,7 @@ def followed(serve_recording: Path) -> tuple[RallyHistory, int]:
     with open_recording(serve_recording) as recording:
         following = followings.of(recording)
         assert following is not None and recording.ball is not None
-        deadline = time.monotonic() + 300
-        while following.share < 1.0:
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
+        eventually(lambda: following.share == 1.0, "the serve to be followed", lambda: following.share)
         bounce_us = int(turning_points(recording.ball).bounces_us[0])
         followings.close()
         return following.history, bounce_us

@@ -1,5 +1,4 @@
 import threading
-import time
 
 import numpy as np
 import pytest
@@ -11,13 +10,7 @@ from app.export.unfinished import ExportCancelledError, check_cancelled, unfinis
 from app.shared.workspace import Workspace
 from core.errors import CommandError
 from core.recordings import open_recording
-
-
-def wait(condition) -> None:
-    deadline = time.monotonic() + 300
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+from tests.waiting import PATIENCE_S, eventually
 
 
 def write(path, progress, cancelled):
@@ -31,7 +24,7 @@ def test_names_are_made_by_the_server_and_never_taken_twice(tmp_path) -> None:
     assert exporter.state() is None and exporter.files() == ()
     for number in (1, 2):
         assert exporter.start("../Rally One", ".rrd", write) == f"rally-one-{number}.rrd"
-        wait(lambda: not exporter._job.running)
+        eventually(lambda: not exporter._job.running, "the export to end")
     assert {(file.name, file.size) for file in exporter.files()} == {
         ("rally-one-1.rrd", 2_000_000), ("rally-one-2.rrd", 2_000_000)
     }  # fmt: skip
@@ -50,12 +43,12 @@ def test_one_export_at_a_time_and_a_cancelled_one_leaves_nothing(tmp_path) -> No
         with unfinished_file(path, overwrite=False) as unfinished:
             unfinished.write_bytes(b"half")
             progress(0.5)
-            go.wait(300)
+            assert go.wait(PATIENCE_S)
             check_cancelled(cancelled)
         return (path,)
 
     exporter.start("a", ".rrd", slow)
-    wait(lambda: exporter.state().share == 0.5)
+    eventually(lambda: exporter.state().share == 0.5, "half of the export")
     of_another_server = Exporter(Workspace(tmp_path))
     with pytest.raises(CommandError, match=r"another server on this folder exports; .*wait for it"):
         of_another_server.start("a", ".rrd", write)
@@ -65,7 +58,7 @@ def test_one_export_at_a_time_and_a_cancelled_one_leaves_nothing(tmp_path) -> No
     exporter.cancel()
     go.set()
     assert exporter.state().message == "cancelled"
-    wait(lambda: not list((tmp_path / "exports").iterdir()))
+    eventually(lambda: not list((tmp_path / "exports").iterdir()), "what is unfinished to be gone")
 
     def begin() -> bool:
         try:
@@ -73,8 +66,8 @@ def test_one_export_at_a_time_and_a_cancelled_one_leaves_nothing(tmp_path) -> No
         except CommandError:  # the thread of the first one has not ended yet
             return False
 
-    wait(begin)
-    wait(lambda: not of_another_server.state().running)
+    eventually(begin, "the other server to be free to export")
+    eventually(lambda: not of_another_server.state().running, "the export to end")
 
 
 def test_a_file_that_another_program_made_meanwhile_is_not_replaced(tmp_path) -> None:
@@ -95,7 +88,7 @@ def test_what_went_wrong_is_said(tmp_path) -> None:
         raise CommandError("the disk is full")
 
     exporter.start("a", "", fail)
-    wait(lambda: exporter.state().message)
+    eventually(lambda: exporter.state().message, "a message")
     assert exporter.state().failed and "the disk is full" in exporter.state().message
 
 

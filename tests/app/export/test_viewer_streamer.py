@@ -1,22 +1,15 @@
 """The one stream to a viewer."""
 
 import threading
-import time
 
 import pytest
 
 from app.export.unfinished import ExportCancelledError
 from app.export.viewer_streamer import ViewerStreamer, check_viewer_address
 from core.errors import CommandError
+from tests.waiting import PATIENCE_S, eventually
 
 ADDRESS = "rerun+http://127.0.0.1:9876/proxy"
-
-
-def wait(condition) -> None:
-    deadline = time.monotonic() + 300
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
 
 
 @pytest.mark.parametrize("address", [ADDRESS, "rerun://viewer.local:80/proxy", "rerun+https://[::1]:9876/proxy"])
@@ -41,15 +34,15 @@ def test_one_stream_at_a_time_which_says_how_it_goes_and_ends() -> None:
     def work(progress, cancelled, remark) -> None:
         progress(0.5)
         remark("slow")
-        go_on.wait(300)
+        assert go_on.wait(PATIENCE_S)
 
     streamer.start("rally", work)
-    wait(lambda: streamer.state().message == "slow")
+    eventually(lambda: streamer.state().message == "slow", "the remark")
     assert streamer.state().running and streamer.state().share == 0.5
     with pytest.raises(CommandError, match="already"):
         streamer.start("other", work)
     go_on.set()
-    wait(lambda: not streamer.state().running)
+    eventually(lambda: not streamer.state().running, "the stream to end")
     assert streamer.state().message == "rally: all of it was sent" and not streamer.state().failed
 
 
@@ -57,8 +50,7 @@ def test_a_stream_is_stopped_and_a_lost_viewer_is_one_line() -> None:
     streamer = ViewerStreamer(ADDRESS)
 
     def for_ever(progress, cancelled, remark) -> None:
-        while not cancelled():
-            time.sleep(0.01)
+        eventually(cancelled, "somebody to stop it")
         raise ExportCancelledError
 
     def lost(progress, cancelled, remark) -> None:
@@ -67,9 +59,9 @@ def test_a_stream_is_stopped_and_a_lost_viewer_is_one_line() -> None:
     streamer.start("rally", for_ever)
     streamer.stop()
     assert streamer.state().message == "rally: stopped" and not streamer.state().running
-    wait(lambda: not streamer._job.running)
+    eventually(lambda: not streamer._job.running, "the job to end")
     streamer.start("rally", lost)
-    wait(lambda: not streamer.state().running)
+    eventually(lambda: not streamer.state().running, "the stream to end")
     assert streamer.state().failed and "the Rerun viewer is lost" in streamer.state().message
     assert "\n" not in streamer.state().message
     streamer.close()

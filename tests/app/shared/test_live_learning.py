@@ -1,8 +1,7 @@
 """A policy that learns in the live rally of the app, without a browser."""
 
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,6 +13,7 @@ from app.shared.workspace import Workspace
 from core.errors import CommandError
 from core.online_learning.progress import LearnedBall
 from core.online_learning.start import NOTHING
+from tests.waiting import eventually
 
 
 @pytest.fixture(scope="module")
@@ -25,13 +25,6 @@ def live() -> Iterator[LiveRally]:
     yield rally
     rally.close()
     assert not any(thread.name == "online-learning" for thread in threading.enumerate())
-
-
-def wait_for(true: Callable[[], object], seconds: float = 300) -> None:
-    until = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < until, "it did not happen in time"
-        time.sleep(0.02)
 
 
 def balls_of(learning: LiveLearning) -> tuple[LearnedBall, ...]:
@@ -47,16 +40,16 @@ def test_balls_are_learned_from_while_it_plays_and_only_then(live: LiveRally, tm
     live.set_active(False)  # the page is closed: it goes on
     assert learning.on and live.player.controller.name == LEARNS
     assert live.player.controller.goal_m.tolist() == [0.9, 0.1]
-    wait_for(lambda: sum(ball.learned for ball in balls_of(learning)) >= 2)
+    eventually(lambda: sum(ball.learned for ball in balls_of(learning)) >= 2, "two balls to be learned from")
     newest = live.player.snapshot.finished[-1]
     assert newest.decision is not None and newest.goal_m.tolist() == [0.9, 0.1]
 
     live.set_active(True)
     learning.stop()
     assert live.player.controller.name == BUILT_IN and live.player.controller.goal_m.tolist() == [0.9, 0.1]
-    wait_for(lambda: live.player.snapshot.phase == "idle")
+    eventually(lambda: live.player.snapshot.phase == "idle", "the ball that flies to end")
     stood, played = len(balls_of(learning)), live.player.snapshot.played
-    wait_for(lambda: live.player.snapshot.played >= played + 2)
+    eventually(lambda: live.player.snapshot.played >= played + 2, "two more balls")
     assert len(balls_of(learning)) <= stood + 1  # the one that flew
 
     learning.save(workspace.run_path("learned-live-1"))

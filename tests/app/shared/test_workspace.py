@@ -8,6 +8,7 @@ from core.config import replace_setting, save_config
 from core.detection import DetectorConfig
 from core.detection.saved import SavedDetector, load_detector
 from core.errors import CommandError
+from tests.waiting import PATIENCE_S
 
 
 @pytest.mark.parametrize(
@@ -80,6 +81,7 @@ for config in configs:
 """
 
 
+@pytest.mark.gate
 def test_servers_on_one_folder_that_save_under_one_name_lose_no_config_and_double_none(tmp_path) -> None:
     command = [sys.executable, "-c", SAVES, str(tmp_path)]
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
@@ -89,7 +91,7 @@ def test_servers_on_one_folder_that_save_under_one_name_lose_no_config_and_doubl
     for server in servers:
         server.stdin.write("go\n")
         server.stdin.flush()
-    assert [server.wait(300) for server in servers] == [0, 0, 0]
+    assert [server.wait(PATIENCE_S) for server in servers] == [0, 0, 0]
     for server in servers:
         server.stdin.close()
         server.stdout.close()

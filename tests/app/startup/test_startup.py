@@ -1,7 +1,6 @@
 """The start beside the app: what fails is said, what is started ends."""
 
 import threading
-import time
 
 import pytest
 
@@ -14,13 +13,7 @@ from core.live.link.server import ServerConfig, SimulationServer
 from core.live.replay_source import ReplaySource
 from core.recordings import open_recording
 from core.robot import RobotClient
-
-
-def wait_for(condition, seconds: float = 300) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
+from tests.waiting import PATIENCE_S, eventually
 
 
 def states(startup: Startup) -> list[str]:
@@ -30,7 +23,7 @@ def states(startup: Startup) -> list[str]:
 def test_a_simulation_that_does_not_start_is_said_in_words(tmp_path) -> None:
     said: list[str] = []
     startup = Startup(Workspace(tmp_path), arguments=("--physics", "moon"), say=said.append)
-    wait_for(lambda: states(startup)[0] == "failed")
+    eventually(lambda: states(startup)[0] == "failed", "the start to fail", lambda: states(startup))
     assert isinstance(startup.problem, LinkError)
     assert any("invalid choice" in line for line in said)
     startup.stop()
@@ -49,19 +42,19 @@ def test_once_stopped_nothing_more_is_said(tmp_path, monkeypatch) -> None:
     def compile_slowly(on_progress) -> None:
         on_progress(1, 4)
         under_way.set()
-        go_on.wait()
+        assert go_on.wait(PATIENCE_S)
         on_progress(4, 4)
 
     monkeypatch.setattr("app.startup.startup.marker", lambda: None)
     monkeypatch.setattr("app.startup.startup.compile_chain", compile_slowly)
     said: list[str] = []
     startup = Startup(Workspace(tmp_path), address="tcp://127.0.0.1:1", say=said.append)
-    under_way.wait()
+    assert under_way.wait(PATIENCE_S)
     startup.wait_for_change()
     startup.stop()
     before = list(said)
     go_on.set()
-    wait_for(lambda: states(startup)[1] == "done")
+    eventually(lambda: states(startup)[1] == "done", "the detector to be compiled", lambda: states(startup))
     assert any("Compiling the ball detector" in line for line in before) and said == before
 
 
@@ -75,10 +68,10 @@ def test_the_rally_of_a_server_is_handed_over_once(tmp_path, before) -> None:
     if before:
         startup.hand_over(taken.append)
     running.start()
-    wait_for(lambda: states(startup)[-1] == "done")
+    eventually(lambda: states(startup)[-1] == "done", "the start to end", lambda: states(startup))
     if not before:
         startup.hand_over(taken.append)
-    wait_for(lambda: taken)
+    eventually(lambda: taken, "the rally to be handed over")
     (live,) = taken
     assert live.source.status == "connected" or live.source.welcome.session
     startup.stop()
@@ -93,11 +86,11 @@ def test_a_source_that_is_there_is_handed_over_without_a_simulation_and_closed_w
     source, taken = ReplaySource(open_recording(serve_recording), "serve.h5", speed=20.0), []
     startup = Startup(Workspace(tmp_path), source=source)
     startup.hand_over(taken.append)
-    wait_for(lambda: taken, 300.0)
+    eventually(lambda: taken, "the rally to be handed over")
     (live,) = taken
     assert [step.title for step in startup.preparation.steps] == [REPLAY_STEPS[name].title for name in REPLAY_STEPS]
     assert live.simulation is None and not live.has_robot and set(live.cameras) == {"left", "right"}
-    wait_for(lambda: live.recording.duration_us > 0)
+    eventually(lambda: live.recording.duration_us > 0, "events")
     startup.stop()
     assert source.status == "connected", "it belongs to the rally now"
     live.close()
@@ -108,5 +101,6 @@ def test_a_source_that_nobody_took_is_closed_and_so_is_the_robot(tmp_path, serve
     source = ReplaySource(open_recording(serve_recording), "serve.h5")
     robot = RobotClient("tcp://127.0.0.1:1")
     Startup(Workspace(tmp_path), source=source, robot=robot).stop()
-    wait_for(lambda: source.status == "lost")
-    wait_for(lambda: robot.status.stop is not None and robot.status.stop.reason == "Rallyscope was ended")
+    eventually(lambda: source.status == "lost", "the source to be closed")
+    eventually(lambda: robot.status.stop, "the robot to be stopped")
+    assert robot.status.stop is not None and robot.status.stop.reason == "Rallyscope was ended"

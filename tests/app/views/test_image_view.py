@@ -1,8 +1,7 @@
 """The camera in front of the flat pictures, over the real connection."""
 
 import shutil
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -13,6 +12,7 @@ from app.server import App
 from app.shared.library import Library
 from app.shared.workspace import Workspace
 from benchmarks.app.bare_browser import BareBrowser
+from tests.waiting import PATIENCE_S, eventually
 
 Point = tuple[float, float, float]
 
@@ -35,12 +35,6 @@ class CameraOfBrowser(BareBrowser):
         look_at, up = (x, y, 0.0), (0.0, -1.0, 0.0)
         self._send(ViewerCameraMessage((1.0, 0.0, 0.0, 0.0), position, 0.17, 0.01, 100.0, 720, width, look_at, up))
 
-    def wait(self, condition: Callable[[], object]) -> None:
-        deadline = time.monotonic() + 300
-        while not condition():
-            assert time.monotonic() < deadline
-            time.sleep(0.01)
-
 
 @pytest.fixture
 def browser(tmp_path: Path, serve_recording: Path) -> Iterator[CameraOfBrowser]:
@@ -48,10 +42,10 @@ def browser(tmp_path: Path, serve_recording: Path) -> Iterator[CameraOfBrowser]:
     shutil.copy(serve_recording, workspace.recording_path("serve"))
     lab = App(workspace, Library(workspace), "serve", host="127.0.0.1", port=0)
     browser = CameraOfBrowser(lab.port)
-    session = browser.wait_session(lab)
+    session = browser.wait_session(lab, PATIENCE_S)
     session.send(ShowSpace(False))
-    browser.wait(lambda: session.sheet.pictures)
-    browser.wait_quiet()
+    eventually(lambda: session.sheet.pictures, "the pictures")
+    browser.wait_quiet(PATIENCE_S)
     yield browser
     browser.close()
     lab.stop()
@@ -61,8 +55,8 @@ def test_a_report_that_is_older_than_the_latest_move_does_not_keep_the_camera_aw
     def put_after(report: Point, width: int) -> Point:
         before = len(browser.put)
         browser.report(report, width)
-        browser.wait(lambda: len(browser.put) > before)
-        browser.wait_quiet()
+        eventually(lambda: len(browser.put) > before, "the camera to be moved")
+        browser.wait_quiet(PATIENCE_S)
         return browser.put[-1]
 
     wide = put_after((1.0, 2.0, -30.0), 870)

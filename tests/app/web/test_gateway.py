@@ -4,7 +4,6 @@ import gzip
 import http.client
 import json
 import threading
-import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -15,6 +14,7 @@ from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
 from app.web import Admission, Gateway
+from tests.waiting import PATIENCE_S, eventually
 
 PROTOCOL = Subprotocol(f"viser-v{viser.__version__}")
 TOKEN = "correct-horse-battery-staple"
@@ -35,7 +35,7 @@ def locked() -> Iterator[Gateway]:
 
 
 def get(door: Gateway, path: str = "/", **headers: str) -> tuple[int, dict[str, str], bytes]:
-    connection = http.client.HTTPConnection("127.0.0.1", door.server.get_port(), timeout=300)
+    connection = http.client.HTTPConnection("127.0.0.1", door.server.get_port(), timeout=PATIENCE_S)
     connection.request("GET", path, headers={name.replace("_", "-"): value for name, value in headers.items()})
     answer = connection.getresponse()
     body = answer.read()
@@ -66,9 +66,10 @@ def test_the_page_is_visers_with_our_script_and_may_stand_in_no_frame(door: Gate
 def test_a_page_that_asks_while_the_door_is_being_opened_waits_for_it(monkeypatch) -> None:
     """A page that was told "starting" would show just that, for good."""
     answers: list[int] = []
+    found_closed: list[bool] = []
 
     def ask(port: int) -> None:
-        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=300)
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE_S)
         connection.request("GET", "/")
         answers.append(connection.getresponse().status)
         connection.close()
@@ -78,11 +79,25 @@ def test_a_page_that_asks_while_the_door_is_being_opened_waits_for_it(monkeypatc
             super().__init__(**options)
             self.asking = threading.Thread(target=ask, args=(self.get_port(),))
             self.asking.start()
-            self.asking.join(0.3)
-            assert self.asking.is_alive()
+            eventually(lambda: len(found_closed) > 1, "the page to ask, and to be kept waiting")
+            assert self.asking.is_alive() and not answers
+
+    class WatchedGateway(Gateway):
+        """Notes each look of a request that finds it closed."""
+
+        @property
+        def _open(self) -> bool:
+            is_open = self.__dict__["_open"]
+            if not is_open:
+                found_closed.append(True)
+            return is_open
+
+        @_open.setter
+        def _open(self, is_open: bool) -> None:
+            self.__dict__["_open"] = is_open
 
     monkeypatch.setattr(viser, "ViserServer", SlowServer)
-    door = Gateway("127.0.0.1", 0, Admission())
+    door = WatchedGateway("127.0.0.1", 0, Admission())
     assert isinstance(door.server, SlowServer)
     door.server.asking.join()
     door.server.stop()
@@ -158,17 +173,15 @@ def test_a_page_gets_the_latest_message_of_each_kind_and_is_heard(door: Gateway)
         door.pages.send("page-1", "link", {"link": f"t={number}"})
     url = f"ws://127.0.0.1:{door.server.get_port()}/rallyscope/page?page=page-1"
     with connect(url) as socket:
-        assert json.loads(socket.recv(timeout=300)) == {"type": "link", "link": "t=4"}
+        assert json.loads(socket.recv(timeout=PATIENCE_S)) == {"type": "link", "link": "t=4"}
         door.pages.send("page-1", "other", {"x": 1})
-        assert json.loads(socket.recv(timeout=300)) == {"type": "other", "x": 1}
+        assert json.loads(socket.recv(timeout=PATIENCE_S)) == {"type": "other", "x": 1}
         for text in ("no json", "[1]", '{"type": 3}', '{"no": "type"}', "[" * 50_000, '{"type": "a", "t": 1}', b"\x00"):
             socket.send(text)
         socket.send(json.dumps({"type": "big", "text": "x" * 100_000}))
         socket.send('{"type": "last"}')
-        deadline = time.monotonic() + 300
-        while len(heard) < 2 and time.monotonic() < deadline:
-            time.sleep(0.02)
+        eventually(lambda: len(heard) >= 2, "both messages to be heard", lambda: heard)
         assert [message["type"] for message in heard] == ["a", "last"]
         door.pages.close("page-1")
         with pytest.raises(ConnectionClosed):
-            socket.recv(timeout=300)
+            socket.recv(timeout=PATIENCE_S)

@@ -2,8 +2,7 @@
 
 import json
 import tempfile
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from socket import SHUT_RDWR
 
@@ -14,6 +13,7 @@ from websockets.typing import Origin
 
 from app.web import Admission, Gateway
 from app.web.uploads import MAX_AT_ONCE, MAX_PIECE_BYTES, MAX_UPLOAD_BYTES, safe_name
+from tests.waiting import PATIENCE_S, eventually
 
 PAGE = "page-that-is-open"
 
@@ -44,19 +44,12 @@ def uploading(door: Gateway, page: str = PAGE, **options) -> ClientConnection:
 
 
 def said(socket: ClientConnection) -> dict:
-    return json.loads(socket.recv(timeout=300))
+    return json.loads(socket.recv(timeout=PATIENCE_S))
 
 
 def announce(socket: ClientConnection, name: object, size: object) -> dict:
     socket.send(json.dumps({"name": name, "size": size}))
     return said(socket)
-
-
-def wait_for(condition: Callable[[], object]) -> None:
-    deadline = time.monotonic() + 300
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
 
 
 def test_a_file_arrives_whole_in_a_folder_of_its_own(door, folder, received) -> None:
@@ -67,7 +60,7 @@ def test_a_file_arrives_whole_in_a_folder_of_its_own(door, folder, received) -> 
             socket.send(data[start : start + 300_000])
             assert said(socket)["got"] == min(start + 300_000, len(data))
         with pytest.raises(ConnectionClosed):
-            socket.recv(timeout=300)
+            socket.recv(timeout=PATIENCE_S)
     (path,) = received
     assert path.name == "my-clip.raw" and path.read_bytes() == data and path.parent.parent == folder
 
@@ -129,7 +122,7 @@ def test_more_than_was_said_is_refused_and_nothing_is_left(door, folder, receive
         said(socket)
         socket.send(b"x" * 2)
         assert "More data came" in said(socket)["refused"]
-    wait_for(lambda: not list(folder.iterdir()))
+    eventually(lambda: not list(folder.iterdir()), "the folder to be empty")
     assert not received
 
 
@@ -138,9 +131,9 @@ def test_a_piece_that_is_too_large_ends_it_and_nothing_is_left(door, folder, rec
         announce(socket, "a.raw", 4 * MAX_PIECE_BYTES)
         socket.send(b"x" * (MAX_PIECE_BYTES + 1))
         with pytest.raises(ConnectionClosed) as closed:
-            socket.recv(timeout=300)
+            socket.recv(timeout=PATIENCE_S)
     assert closed.value.rcvd is not None and closed.value.rcvd.code == 1009
-    wait_for(lambda: not list(folder.iterdir()))
+    eventually(lambda: not list(folder.iterdir()), "the folder to be empty")
     assert not received
 
 
@@ -151,7 +144,7 @@ def test_one_that_is_given_up_in_the_middle_leaves_nothing(door, folder, receive
     said(socket)
     assert [path.name for path in folder.rglob("*.raw")] == ["a.raw"]
     socket.socket.shutdown(SHUT_RDWR)  # no word of goodbye
-    wait_for(lambda: not list(folder.iterdir()))
+    eventually(lambda: not list(folder.iterdir()), "the folder to be empty")
     assert not received
 
 
@@ -164,7 +157,7 @@ def test_one_that_stops_sending_is_given_up(door, folder, received) -> None:
             assert "timed out" in said(socket)["refused"]
     finally:
         uploads._piece_within_s = usual_s
-    wait_for(lambda: not list(folder.iterdir()))
+    eventually(lambda: not list(folder.iterdir()), "the folder to be empty")
 
 
 def test_strangers_and_pages_that_are_not_open_send_nothing(door, folder, received) -> None:
@@ -191,7 +184,7 @@ def test_a_browser_sends_one_at_a_time_and_only_so_many_do(door, folder, receive
         assert "in a moment" in said(another)["refused"]
     for socket in sending:
         socket.close()
-    wait_for(lambda: not list(folder.iterdir()))
+    eventually(lambda: not list(folder.iterdir()), "the folder to be empty")
     with as_browser(0) as again:
         assert announce(again, "a.raw", 10) == {"ready": True}
 

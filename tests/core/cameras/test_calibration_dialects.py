@@ -14,6 +14,7 @@ from core.cameras import Camera, load_calibration
 from core.cameras.calibration_file import CalibrationFile, read_calibration_file
 from core.errors import CalibrationError
 
+pytestmark = pytest.mark.numeric
 MATRIX = """camera_matrix: !!opencv-matrix
    rows: 3
    cols: 3

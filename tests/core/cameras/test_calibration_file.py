@@ -12,6 +12,7 @@ from core.cameras.calibration_values import CalibrationNode, read_numbers
 from core.errors import CalibrationError
 from core.geometry import invert_transform, look_at, make_transform
 
+pytestmark = pytest.mark.numeric
 CAMERAS = stereo_preset()
 LEFT, RIGHT = CAMERAS["left"], CAMERAS["right"]
 T_RIGHT_LEFT = invert_transform(RIGHT.T_world_camera) @ LEFT.T_world_camera

@@ -13,6 +13,7 @@ from core.errors import CalibrationError
 from core.events import SensorSize
 from core.geometry import look_at
 
+pytestmark = pytest.mark.numeric
 LENSES = {
     "none": (0.0, 0.0, 0.0, 0.0, 0.0),
     "mild": (-0.06, 0.01, 0.0003, -0.0002, 0.0),

@@ -11,6 +11,8 @@ from core.cameras.epipolar import EpipolarDrift, EpipolarPair
 from core.errors import CalibrationError
 from core.geometry import make_transform
 
+pytestmark = pytest.mark.numeric
+
 
 def points(count: int = 300) -> np.ndarray:
     return np.random.default_rng(0).uniform((-1.3, -0.5, 0.02), (0.3, 0.5, 0.5), (count, 3))

@@ -21,6 +21,7 @@ from core.recordings import open_recording
 from core.recordings.writer import RecordingWriter
 from core.simulation.scenes.lens import lens_of, project_from_camera
 
+pytestmark = pytest.mark.numeric
 SENSOR = SensorSize(1280, 720)
 K = np.array([[420.0, 0, 639.5], [0, 415.0, 359.5], [0, 0, 1]])
 FISHEYE = np.array([0.05, -0.01, 0.002, -0.001])

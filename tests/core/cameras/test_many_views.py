@@ -6,6 +6,7 @@ import pytest
 from core.cameras import Camera, StereoRig
 from core.cameras.presets import camera_preset
 
+pytestmark = pytest.mark.numeric
 P = np.array([-0.6, 0.15, 0.2])
 
 

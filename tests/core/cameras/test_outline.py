@@ -7,6 +7,7 @@ from core.cameras import Camera, ball_circles, ball_outline, stereo_preset
 from core.events import SensorSize
 from core.table import BALL_RADIUS_M
 
+pytestmark = pytest.mark.numeric
 PINHOLE = Camera(SensorSize(1280, 720), np.array([[1000.0, 0, 0], [0, 1000.0, 0], [0, 0, 1]]), np.zeros(5), np.eye(4))
 
 

@@ -13,6 +13,7 @@ from core.cameras.units import Unit
 from core.errors import CalibrationError
 from core.geometry import invert_transform, look_at
 
+pytestmark = pytest.mark.numeric
 SIZE = "image_width: 1280\nimage_height: 720\n"
 LENS = "distortion_coefficients: [-0.3, 0.1, 0.001, 0.001, 0]\n"
 K = "[[1000, 0, 640], [0, 1000, 360], [0, 0, 1]]"

@@ -8,6 +8,8 @@ from core.errors import CalibrationError
 from core.events import SensorSize
 from core.geometry import invert_transform, look_at
 
+pytestmark = pytest.mark.numeric
+
 
 def points(count: int = 200, seed: int = 0) -> np.ndarray:
     rng = np.random.default_rng(seed)

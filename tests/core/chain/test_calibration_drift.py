@@ -17,6 +17,7 @@ from core.geometry import make_transform
 from core.recordings import open_recording
 from tests.core.chain.drifted_rigs import SightingNoise, epipolar_rms_px, feed_serves, turn_second
 
+pytestmark = pytest.mark.numeric
 PAIR = stereo_preset("side")
 
 
@@ -28,6 +29,7 @@ def rings(drift_px: float, seed: int) -> bool:
     return monitor.report.alarm
 
 
+@pytest.mark.gate
 def test_it_rings_at_one_pixel_and_not_at_a_third() -> None:
     seeds = range(8)
     assert all(rings(1.0, seed) for seed in seeds)

@@ -10,6 +10,7 @@ from core.errors import CalibrationError, RecordingError
 from core.events import Window
 from core.recordings import Recording, open_recording
 
+pytestmark = pytest.mark.numeric
 WINDOW_US = 2000
 
 

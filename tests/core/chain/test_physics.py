@@ -2,9 +2,13 @@
 
 from dataclasses import replace
 
+import pytest
+
 from core.chain.config import ChainConfig
 from core.chain.physics import chain_for_physics
 from core.physics.config import physics_profile
+
+pytestmark = pytest.mark.numeric
 
 
 def test_the_paper_s_physics_changes_nothing_and_another_one_brings_its_table() -> None:

@@ -17,6 +17,7 @@ from core.registry import forgotten_afterwards
 from core.trajectory.ball_kernel import fly_and_bounce
 from core.trajectory.stereo_filters import refined_filter
 
+pytestmark = pytest.mark.numeric
 CAMERAS = camera_preset("corners")
 START = np.array([0.9, 0.1, 0.3, -6.0, 0.3, 0.5, 0, 0, 0, 0.0, 0.9, 0.15, 0.0, 0.0])
 EVENTS: Final = 16

@@ -11,6 +11,7 @@ from core.detection.window import windows_between
 from core.events import Window, concatenate_events
 from core.simulation import LaunchConfig, StereoConfig, ball_truth, draw_serve_series, simulate_stereo
 
+pytestmark = pytest.mark.numeric
 END_US = 400_000
 
 
@@ -94,6 +95,7 @@ def test_the_limits_of_a_size_are_shares_of_the_radius_that_a_ball_has_there(cam
         assert check.wrong(p, {"left": ratio * radius}) == (["left"] if wrong else [])
 
 
+@pytest.mark.gate
 def test_the_ball_s_shadow_is_not_taken_for_the_ball(cameras, shadowed) -> None:
     path, windows = shadowed
     chain = ChainConfig.of_method("auto")

@@ -8,6 +8,8 @@ import pytest
 from core.chain.time_alignment import TimeAligner
 from core.detection import Detection
 
+pytestmark = pytest.mark.numeric
+
 
 def seen(t_us: int, u_px: float) -> Detection:
     """A ball on the line v = 2 u."""

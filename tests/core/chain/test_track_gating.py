@@ -4,6 +4,8 @@ import pytest
 from core.chain.config import TrackGateConfig
 from core.chain.track_gating import TrackGate
 
+pytestmark = pytest.mark.numeric
+
 
 def path(count: int, speed_mps: float = -5.0) -> list[tuple[int, np.ndarray]]:
     return [(2000 * k, np.array([1.0 + speed_mps * 0.002 * k, 0.0, 0.3])) for k in range(count)]

@@ -44,6 +44,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.gate
 def test_files_are_the_same_byte_for_byte_whatever_the_number_of_jobs(made: Path, tmp_path: Path) -> None:
     shares: list[float] = []
     done = run_data_set(PLAN, tmp_path, engine=JobBackend(jobs=2), progress=shares.append)
@@ -81,6 +82,7 @@ def test_the_manifest_counts_what_is_in_the_files(made: Path) -> None:
     assert card.count("ball-8mps-side-1.h5") == 1 and "2 of 2 recordings" in card
 
 
+@pytest.mark.gate
 def test_a_second_run_makes_what_is_missing_and_leaves_the_rest(made: Path, tmp_path: Path) -> None:
     folder = tmp_path / "set"
     folder.mkdir()

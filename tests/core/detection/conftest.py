@@ -5,19 +5,17 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from core.detection.window import windows_between
-from core.detection.yolo.config import YoloConfig
-from core.detection.yolo.weights import YoloWeights
+from core.detection.yolo.weights import YoloWeights, load_weights
 from core.events import CameraFrame, Events, SensorSize, Window
-from core.jobs.control import one_torch_thread
-from core.learning.detector_training.config import DetectorTrainingConfig
 from core.learning.detector_training.crops import BallStreak, draw_streak
-from core.learning.detector_training.pool import LabelledPictures, TrainingPictures
-from core.learning.detector_training.training import new_state, run_steps
+from core.learning.detector_training.pool import LabelledPictures
+from tests.drawn_circles import draw_circles
 
 
 @dataclass(frozen=True)
@@ -135,17 +133,6 @@ def add_frames() -> Callable[..., list[Window]]:
     return _add_frames
 
 
-def draw_circles(count: int, seed: int, side_px: int = 160) -> LabelledPictures:
-    """Orange discs of r = 8 px before plain walls of any dark colour."""
-    rng, images, circles = np.random.default_rng(seed), [], []
-    for _ in range(count):
-        wall = np.full((side_px, side_px, 3), rng.integers(20, 130, 3), np.uint8)
-        x, y = rng.uniform(16, side_px - 16, 2).tolist()
-        images.append(draw_streak(wall, BallStreak(x_px=x, y_px=y, r_px=8.0, light=(0.8, 0.4, 0.08))))
-        circles.append((x, y, 8.0))
-    return LabelledPictures(np.stack(images), np.array(circles))
-
-
 @pytest.fixture(scope="session")
 def circles() -> Callable[..., LabelledPictures]:
     """Draws pictures with a disc each."""
@@ -154,14 +141,5 @@ def circles() -> Callable[..., LabelledPictures]:
 
 @pytest.fixture(scope="session")
 def small_yolo() -> YoloWeights:
-    """A quarter as wide as published, over-fitted for half a minute on forty drawn discs.
-
-    The crops are most of a picture: from small ones batch normalisation learns a mean that whole pictures do not have,
-    and the answers are off by 0.6 to 3 px, as the processor rounds.
-    """
-    yolo = YoloConfig(input_width_px=320, input_height_px=256, width=0.25)
-    config = DetectorTrainingConfig(yolo=yolo, steps=800, crop_px=128, batch=4, learning_rate=3e-3, warm_up_steps=20)
-    with one_torch_thread():  # sums in another order end in another network
-        state = new_state(config, "cpu")
-        assert run_steps(state, config, TrainingPictures((draw_circles(40, seed=1),)))
-    return YoloWeights(state.network, yolo, None, {})
+    """A small network that finds drawn discs; tests/fixtures/make_yolo_discs.py says how it was trained."""
+    return load_weights(Path(__file__).parents[2] / "fixtures" / "yolo-discs.safetensors")

@@ -11,6 +11,7 @@ from core.detection.methods import METHODS
 from core.detection.yolo.detector import YoloDetector
 from core.events import Events, SensorSize, Window
 
+pytestmark = pytest.mark.numeric
 SENSOR = SensorSize(320, 240)
 WITH_ALL_STAGES = replace_setting(
     replace_setting(auto_config(), ("hot_pixels", "enabled"), True), ("flicker", "enabled"), True

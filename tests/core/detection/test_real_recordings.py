@@ -12,6 +12,7 @@ from core.detection.window import windows_between
 from core.metrics import run_detector
 from core.recordings import open_recording
 
+pytestmark = pytest.mark.numeric
 ROOT = Path(__file__).parents[3]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +14,8 @@ from core.events import Events, SensorSize
 from tests.core.devices.replayed_hardware import DTYPE, Replayed, ReplayedLibrary
 
 nd = load_driver()
+TIME_OF_DAY_S, CLOCK_S = 1.7e9, 5000.0
+"""What the two clocks of this machine show: the one that may be set, and the monotonic one."""
 
 
 class Nothing:
@@ -47,18 +49,19 @@ def packet(*t_us: int, overflow: bool = False):
 
 
 def status(current_t: int, raw_packets: int = 1, *, ago_s: float = 0.0, dropped: int = 0):
-    ring = nd.status.RingStatus(time.time() - ago_s, 0, raw_packets, False, current_t, dropped)
-    return nd.status.Status(time.time(), ring)
+    ring = nd.status.RingStatus(TIME_OF_DAY_S - ago_s, 0, raw_packets, False, current_t, dropped)
+    return nd.status.Status(TIME_OF_DAY_S, ring)
 
 
 def camera_of(*said) -> DriverCamera:
     return DriverCamera(Scripted(*said), EVK4, "1", nd.prophesee_evk4.Configuration())
 
 
-def test_a_packet_has_its_times_on_the_monotonic_clock():
+def test_a_packet_has_its_times_on_the_monotonic_clock(monkeypatch):
+    monkeypatch.setattr("core.devices.neuromorphic.time", SimpleNamespace(monotonic=lambda: CLOCK_S))
     camera = camera_of((status(1000, ago_s=0.25), packet(900, 950)), (status(2000), packet()))
     found = camera.read()
-    assert found is not None and abs(time.monotonic() - 0.25 - found.host_s) < 0.2
+    assert found is not None and found.host_s == pytest.approx(CLOCK_S - 0.25, abs=1e-5)
     assert found.stamp_us == found.complete_us == 1000 and found.events["t"].tolist() == [900, 950] and not found.gap
     quiet = camera.read()
     assert quiet is not None and quiet.events is None and quiet.complete_us == 2000
@@ -72,7 +75,7 @@ def test_of_merged_packets_no_time_is_believed_that_had_not_come_yet():
 
 
 def test_that_nothing_came_is_no_packet_and_what_was_dropped_is_told():
-    nothing = nd.status.Status(time.time(), None)
+    nothing = nd.status.Status(TIME_OF_DAY_S, None)
     camera = camera_of(
         (nothing, None), (status(10, dropped=3), packet(5, overflow=True)), (status(20, dropped=3), packet())
     )
@@ -83,8 +86,8 @@ def test_that_nothing_came_is_no_packet_and_what_was_dropped_is_told():
 
 
 def test_raw_packets_say_where_something_is_missing():
-    ring = nd.status.RawRingStatus(time.time(), 0, 2, False, [64], 1)
-    found = camera_of((nd.status.RawStatus(time.time(), ring), b"\x00" * 128)).read_raw()
+    ring = nd.status.RawRingStatus(TIME_OF_DAY_S, 0, 2, False, [64], 1)
+    found = camera_of((nd.status.RawStatus(TIME_OF_DAY_S, ring), b"\x00" * 128)).read_raw()
     assert found is not None and found.gaps == (64,) and found.packets_dropped == 1 and not found.alone
 
 

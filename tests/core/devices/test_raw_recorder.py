@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,7 @@ from core.events.clock_table import read_clock_table
 from core.recordings import import_recording, open_recording
 from core.recordings.evt3_encoder import Evt3Encoder
 from tests.core.devices.replayed_hardware import Replayed, ReplayedLibrary
+from tests.waiting import eventually
 
 SENSOR = SensorSize(1280, 720)
 LONG_US = 10**9
@@ -33,15 +33,10 @@ class Pixels:
         return Events.from_columns(numbers * 10, numbers % 1280, numbers // 1280 % 720, numbers % 3 == 0, SENSOR)
 
 
-def wait_for(true: Callable[[], object], seconds: float = 300) -> None:
-    until = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < until, "it did not happen in time"
-        time.sleep(0.01)
-
-
-def recorder_of(cameras: dict[str, Replayed], out: Path, *, cable: bool = True, hold: bool = False):
-    library = ReplayedLibrary({f"000{k}": one for k, one in enumerate(cameras.values())}, hold=hold)
+def recorder_of(
+    cameras: dict[str, Replayed], out: Path, *, cable: bool = True, hold: bool = False, clock=time.monotonic
+) -> tuple[RawRecorder, ReplayedLibrary]:
+    library = ReplayedLibrary({f"000{k}": one for k, one in enumerate(cameras.values())}, hold=hold, clock=clock)
     devices = {name: open_camera(f"000{k}", raw=True, driver=library) for k, name in enumerate(cameras)}
     return RawRecorder(devices, out, cable=cable), library
 
@@ -50,7 +45,7 @@ def test_two_cameras_with_a_cable_become_the_recording_that_they_saw(tmp_path):
     out = tmp_path / "take.h5"
     camera = Replayed(stream=Pixels(), duration_us=500_000)
     recorder, library = recorder_of({"left": camera, "right": camera}, out)
-    wait_for(lambda: all(device._sent > 520 for device in library.opened))
+    eventually(lambda: all(device._sent > 520 for device in library.opened), "the whole recording to be sent")
     takes = recorder.stop()
     assert all(device.closed for device in library.opened)
     assert all(one.packets_dropped == one.gaps == 0 and not one.problem for one in takes)
@@ -73,7 +68,7 @@ def test_without_a_cable_the_drift_is_written_beside_and_undone(tmp_path):
         "right": Replayed(stream=Pixels(), duration_us=LONG_US, offset_us=5_000_000, drift=200e-6, jitter_s=0.001),
     }
     recorder, _ = recorder_of(cameras, out, cable=False)
-    wait_for(lambda: recorder.clock_paths["right"].read_bytes().count(b"\n") > 3)
+    eventually(lambda: recorder.clock_paths["right"].read_bytes().count(b"\n") > 3, "three lines of the clock's table")
     takes = recorder.stop()
     table = read_clock_table(recorder.clock_paths["right"])
     assert abs(int(table.shift_us[0]) + 5_000_000) < 2000
@@ -94,7 +89,10 @@ def test_each_of_three_cameras_has_a_clock_and_one_recording_is_made_of_all(tmp_
     }
     recorder, _ = recorder_of(cameras, out, cable=False)
     assert list(recorder.clock_paths) == ["b", "c"]
-    wait_for(lambda: all(path.read_bytes().count(b"\n") > 1 for path in recorder.clock_paths.values()))
+    eventually(
+        lambda: all(path.read_bytes().count(b"\n") > 1 for path in recorder.clock_paths.values()),
+        "a line of each clock's table",
+    )
     takes = recorder.stop()
     tables = [read_clock_table(path) for path in recorder.clock_paths.values()]
     import_recording([one.path for one in takes], out, clock=tables)
@@ -115,7 +113,7 @@ def test_a_short_take_without_a_cable_has_the_shift_that_was_known(tmp_path):
         "right": Replayed(stream=Pixels(), duration_us=LONG_US, offset_us=5_000_000),
     }
     recorder, library = recorder_of(cameras, out, cable=False)
-    wait_for(lambda: all(device.sent_us > 100_000 for device in library.opened))
+    eventually(lambda: all(device.sent_us > 100_000 for device in library.opened), "0.1 s of both cameras")
     takes = recorder.stop()
     table = read_clock_table(recorder.clock_paths["right"])
     assert len(table.stamp_us) >= 1 and abs(int(table.shift_us[0]) + 5_000_000) < 50_000
@@ -130,9 +128,15 @@ def test_a_table_of_clocks_of_a_silent_camera_shifts_nothing(tmp_path):
 
 def test_losses_of_the_driver_are_counted_to_the_event_and_the_rest_is_in_its_place(tmp_path):
     out = tmp_path / "take.h5"
-    recorder, library = recorder_of({"only": Replayed(stream=Pixels(), duration_us=2_000_000, ring=30)}, out, hold=True)
-    library.began_s = time.monotonic() - 1.0
-    wait_for(lambda: library.opened[0]._sent > 2100)
+    camera, now_s = Replayed(stream=Pixels(), duration_us=2_000_000, ring=30), 1.0
+    recorder, library = recorder_of({"only": camera}, out, hold=True, clock=lambda: now_s)
+    library.began_s = 0.0  # a second of packets waits for a ring of 30
+    device = library.opened[0]
+    eventually(lambda: device.sent_us >= 990_000, "the first second to be sent or lost")
+    for _ in range(60):  # and then no more than the ring holds
+        now_s += 0.02
+        eventually(lambda: device.sent_us >= 1e6 * now_s - 10_000, "what has come to be sent")  # noqa: B023
+    device.unplugged = True  # this clock stands still, and a reader would wait for ever
     (take,) = recorder.stop()
     assert take.packets_dropped >= 900 and take.gaps >= 1
     summary = import_recording([take.path], out)
@@ -151,7 +155,7 @@ def test_what_a_kill_leaves_opens(tmp_path):
     out = tmp_path / "take.h5"
     recorder, _ = recorder_of({"only": Replayed(stream=Pixels(), duration_us=LONG_US)}, out)
     path = raw_path(out, "only")
-    wait_for(lambda: path.stat().st_size > 200_000)
+    eventually(lambda: path.stat().st_size > 200_000, "200 kB in the file")
     cut = path.read_bytes()[:-1]
     recorder.stop()
     copy = tmp_path / "cut.raw"
@@ -163,7 +167,7 @@ def test_what_a_kill_leaves_opens(tmp_path):
 def test_a_full_disk_is_one_line_and_what_there_is_stays(tmp_path, monkeypatch):
     out = tmp_path / "take.h5"
     recorder, _ = recorder_of({"only": Replayed(stream=Pixels(), duration_us=LONG_US)}, out)
-    wait_for(lambda: recorder.bytes_written > 50_000)
+    eventually(lambda: recorder.bytes_written > 50_000, "50 kB to be written")
 
     class Full:
         def __init__(self, file):
@@ -176,7 +180,7 @@ def test_a_full_disk_is_one_line_and_what_there_is_stays(tmp_path, monkeypatch):
             return getattr(self._file, name)
 
     recorder._files[0]._file = Full(recorder._files[0]._file)
-    wait_for(lambda: recorder.over)
+    eventually(lambda: recorder.over, "the recorder to end")
     (take,) = recorder.stop()
     assert "No space left on device" in take.problem and "free some space" in take.problem and "\n" not in take.problem
     assert import_recording([take.path], out).events["camera"] > 1000
@@ -192,9 +196,9 @@ def test_files_of_an_earlier_take_are_not_written_over(tmp_path):
 
 def test_a_camera_that_goes_ends_its_file_and_says_why(tmp_path):
     recorder, library = recorder_of({"only": Replayed(stream=Pixels(), duration_us=LONG_US)}, tmp_path / "a.h5")
-    wait_for(lambda: recorder.bytes_written > 20_000)
+    eventually(lambda: recorder.bytes_written > 20_000, "20 kB to be written")
     library.opened[0].unplugged = True
-    wait_for(lambda: recorder.over)
+    eventually(lambda: recorder.over, "the recorder to end")
     assert recorder.error is None
     (take,) = recorder.stop()
     assert "the device was disconnected" in take.problem

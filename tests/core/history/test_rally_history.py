@@ -18,6 +18,8 @@ from core.physics.episode import Case
 from core.recordings import open_recording
 from core.simulation.episodes.racket import RacketTarget
 
+pytestmark = pytest.mark.numeric
+
 
 @pytest.fixture(scope="module")
 def recording(serve_recording: Path):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import threading
-import time
 
 import h5py
 import numpy as np
@@ -21,6 +20,8 @@ from core.live.link.server import ServerConfig, SimulationServer
 from core.live.live_player import LivePlayer
 from core.live.ring_recording import RingRecording
 from core.recordings import open_recording
+from tests.core.live.stepped import play_block
+from tests.waiting import PATIENCE_S, eventually
 
 
 @pytest.fixture(params=[SensorSize(320, 240)])
@@ -29,18 +30,11 @@ def client(request):
     ended = threading.Event()
     thread = threading.Thread(target=server.run, args=(ended.is_set,))
     thread.start()
-    client = SimulationClient(server.address)
+    client = SimulationClient(server.address, timeout_s=PATIENCE_S)
     yield client
     client.close()
     ended.set()
-    thread.join()
-
-
-def wait_for(true, seconds: float = 300) -> None:
-    until = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < until
-        time.sleep(0.01)
+    thread.join(PATIENCE_S)
 
 
 def test_a_recorded_rally_plays_back_as_it_was_seen(client, tmp_path):
@@ -49,10 +43,11 @@ def test_a_recorded_rally_plays_back_as_it_was_seen(client, tmp_path):
     client.add_listener(live)
     recorder = LiveRecorder(client, tmp_path / "live.h5")
     t_us = client.step(5).t_us
-    wait_for(lambda: live.duration_us >= t_us + 50_000)
-    client.launch((1.0, 0.5, 0.3), (-5.0, 0.0, 1.0))
-    t_us = client.step(120).t_us
-    wait_for(lambda: live.duration_us >= t_us + 1_200_000)
+    eventually(lambda: live.duration_us >= t_us + 50_000, "the five blocks")
+    t_us = client.launch((1.0, 0.5, 0.3), (-5.0, 0.0, 1.0)).t_us
+    for number in range(12):  # no more at once than the link keeps for a slow listener
+        client.step(10)
+        eventually(lambda: live.duration_us >= t_us + 100_000 * (number + 1), "ten blocks")  # noqa: B023
     assert recorder.recording
     duration_us = recorder.stop()
     zero_us = live.duration_us - duration_us
@@ -75,10 +70,11 @@ def test_a_recorded_rally_plays_back_as_it_was_seen(client, tmp_path):
 
 
 def test_a_new_session_ends_the_recording_and_a_file_is_not_overwritten(client, tmp_path):
-    recorder = LiveRecorder(client, tmp_path / "live.h5")
-    time.sleep(0.3)
+    recorder, live = LiveRecorder(client, tmp_path / "live.h5"), RingRecording()
+    client.add_listener(live)
+    eventually(lambda: live.duration_us - live.start_us > 50_000, "five blocks to record")
     client.reset()
-    wait_for(lambda: not recorder.recording)
+    eventually(lambda: not recorder.recording, "the recording to end")
     recorder.stop()
     open_recording(recorder.path).close()
     with pytest.raises(RecordingError):
@@ -89,16 +85,17 @@ def test_a_new_session_ends_the_recording_and_a_file_is_not_overwritten(client, 
 def test_what_the_player_expected_and_decided_is_read_back(client, tmp_path):
     player = LivePlayer(client)
     heard = []
-    wait_for(lambda: player.snapshot.t_us > 0)
-    client.set_speed(0.4)
+    eventually(lambda: player.snapshot.t_us > 0, "the first block to be played")
+    client.pause()
     recorder = LiveRecorder(client, tmp_path / "played.h5", player=player)
     player.add_listener(lambda session, state, decision: heard.append((state.chain.prediction, decision)))
-    t_us = player.snapshot.t_us
-    wait_for(lambda: player.snapshot.t_us > t_us + 30_000)
+    play_block(client, player)
     client.serve(5.0)
-    wait_for(lambda: player.snapshot.played == 1, 40)
+    while player.snapshot.played == 0:
+        play_block(client, player)
     ball = player.snapshot.finished[-1]
-    wait_for(lambda: player.snapshot.t_us > ball.t_us + 50_000)
+    for _ in range(5):
+        play_block(client, player)
     recorder.stop()
     player.close()
     with contextlib.closing(open_recording(recorder.path)) as recording:

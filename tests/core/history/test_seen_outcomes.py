@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from benchmarks.rally.bench_outcomes import NoisyBall, draw_ball
@@ -18,7 +17,9 @@ from core.learning.config import environment_profile
 from core.physics.episode import Case
 from core.recordings import open_recording
 from core.simulation.episodes.ball_outcome import BallOutcome
+from tests.waiting import eventually
 
+pytestmark = pytest.mark.numeric
 Array = NDArray[np.float64]
 
 
@@ -35,13 +36,6 @@ def steps_of(ball: NoisyBall, start_us: int) -> list[ChainState]:
     return [*found, *(ChainState(t, {}, None, None, None, False, (), StageSeconds(0, 0, 0)) for t in quiet)]
 
 
-def wait_for(holds: Callable[[], bool]) -> None:
-    until_s = time.monotonic() + 300
-    while not holds():
-        assert time.monotonic() < until_s, "nothing was judged"
-        time.sleep(0.01)
-
-
 def test_strokes_are_counted_as_they_went_and_balls_that_nobody_struck_are_not() -> None:
     rng, environment = np.random.default_rng(8), environment_profile(state_source="truth")
     balls = [draw_ball(environment, rng, missed=share) for share in (0.0, 1.0, 0.0, 0.0)]
@@ -55,7 +49,7 @@ def test_strokes_are_counted_as_they_went_and_balls_that_nobody_struck_are_not()
                 seen.add_step(step)
             start_us = steps[-1].t_us + 100_000
             struck += ball.case is not Case.MISSED
-            wait_for(lambda struck=struck: history.outcome_count == struck)
+            eventually(lambda struck=struck: history.outcome_count == struck, "the stroke to be judged")
     finally:
         seen.close()
     told = [ball for ball in balls if ball.case is not Case.MISSED]
@@ -77,7 +71,7 @@ def test_a_session_that_begins_anew_forgets_the_ball_that_flew() -> None:
         seen.begin_anew()
         for step in steps_of(second, 0):
             seen.add_step(step)
-        wait_for(lambda: history.outcome_count > 0)
+        eventually(lambda: history.outcome_count > 0, "the stroke to be judged")
     finally:
         seen.close()
     (only,) = history.outcomes_between(-1, 10**9)

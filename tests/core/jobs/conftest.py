@@ -5,8 +5,7 @@ import signal
 import socket
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,17 +13,10 @@ from pathlib import Path
 import pytest
 
 from core.text import parse_json
+from tests.waiting import PATIENCE_S, eventually
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[2]
-DEADLINE_S = 300
-
-
-def wait_until(condition: Callable[[], object], seconds: float = DEADLINE_S) -> None:
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it took too long"
-        time.sleep(0.02)
 
 
 @dataclass
@@ -39,7 +31,7 @@ class DaskCluster:
         place = self.folder / "scheduler.json"
         host = ("--host", "127.0.0.1", "--no-dashboard")
         self._run("scheduler", *host, "--port", "0", "--scheduler-file", str(place), **environment)
-        wait_until(lambda: place.exists() and place.read_text().endswith("}"))
+        eventually(lambda: place.exists() and place.read_text().endswith("}"), "the scheduler's address")
         self.address = parse_json(place.read_text())["address"]
         for _ in range(workers):
             self.add_worker(*more, **environment)
@@ -52,7 +44,7 @@ class DaskCluster:
         for process in reversed(self.processes):
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
-            process.wait(DEADLINE_S)
+            process.wait(PATIENCE_S)
 
     def _run(self, *arguments: str, **environment: str) -> subprocess.Popen:
         path = os.pathsep.join(map(str, (ROOT, HERE)))
@@ -68,11 +60,6 @@ class DaskCluster:
             )
         self.processes.append(process)
         return process
-
-
-@pytest.fixture(name="wait_until")
-def _wait_until() -> Callable[..., None]:
-    return wait_until
 
 
 @pytest.fixture

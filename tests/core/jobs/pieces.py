@@ -2,12 +2,12 @@
 
 import os
 import signal
-import time
 from pathlib import Path
 
 import numpy as np
 
 from core.errors import ConfigError
+from tests.waiting import eventually
 
 
 def digest(seed, control):
@@ -21,9 +21,12 @@ def slowly(piece, control):
     """Leaves a mark when it begins, waits for the file `go`, and says in which process it was."""
     folder, number = Path(piece[0]), piece[1]
     (folder / f"begun-{number}-{os.getpid()}").touch()
-    while not (folder / "go").exists():
+
+    def may_go() -> bool:
         control(0.5)
-        time.sleep(0.02)
+        return (folder / "go").exists()
+
+    eventually(may_go, "the file `go`")
     return number
 
 
@@ -31,8 +34,7 @@ def until_stopped(piece, control):
     """Never ends by itself; leaves a mark when it is told to stop."""
     folder, number = Path(piece[0]), piece[1]
     (folder / f"begun-{number}-{os.getpid()}").touch()
-    while not control.stopped():
-        time.sleep(0.02)
+    eventually(control.stopped, "to be stopped")
     (folder / f"stopped-{number}").touch()
 
 

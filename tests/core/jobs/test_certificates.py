@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from core.jobs import JobBackend, open_jobs
+from tests.waiting import PATIENCE_S
 
 pytest.importorskip("distributed")
 TLS = "DASK_DISTRIBUTED__COMM__TLS__"
@@ -49,7 +50,7 @@ def ask(address: str, certificates: dict[str, str]) -> str:
         env=os.environ | {"PYTHONPATH": path} | certificates,
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=PATIENCE_S,
     )
     assert found.returncode == 0, found.stderr
     return found.stdout.strip()

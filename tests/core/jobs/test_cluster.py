@@ -11,6 +11,7 @@ import pytest
 from core.errors import CommandError, ConfigError, JobsError
 from core.jobs import JobBackend, TasksStoppedError, open_jobs
 from core.jobs.cluster import check_versions, versions_here
+from tests.waiting import PATIENCE_S, eventually
 
 pytest.importorskip("distributed")
 
@@ -44,13 +45,13 @@ def test_an_error_of_a_piece_is_raised_as_it_is(cluster) -> None:
         jobs.run(fail, [0, 1, 2, 3])
 
 
-def test_what_is_cancelled_stops_on_the_workers_too(cluster, tmp_path: Path, wait_until) -> None:
+def test_what_is_cancelled_stops_on_the_workers_too(cluster, tmp_path: Path) -> None:
     from pieces import slowly, until_stopped
 
     pieces = [(str(tmp_path), number) for number in range(6)]
     with pytest.raises(TasksStoppedError), open_jobs(JobBackend(cluster=cluster.address), 6) as jobs:
         jobs.run(until_stopped, pieces, cancelled=lambda: len(begun(tmp_path)) == 2)
-    wait_until(lambda: len(list(tmp_path.glob("stopped-*"))) == 2)
+    eventually(lambda: len(list(tmp_path.glob("stopped-*"))) == 2, "both pieces to stop")
     shares = []
     with pytest.raises(TasksStoppedError), open_jobs(JobBackend(cluster=cluster.address), 6) as jobs:
         jobs.run(slowly, pieces, progress=shares.append, cancelled=lambda: bool(shares) and shares[-1] > 0)
@@ -58,14 +59,15 @@ def test_what_is_cancelled_stops_on_the_workers_too(cluster, tmp_path: Path, wai
     assert len(list(tmp_path.glob("begun-*"))) <= 6, "those that waited were never begun"
 
 
-def test_a_worker_that_is_killed_halfway_takes_nothing_along(own_cluster, tmp_path: Path, wait_until) -> None:
+@pytest.mark.gate
+def test_a_worker_that_is_killed_halfway_takes_nothing_along(own_cluster, tmp_path: Path) -> None:
     from pieces import slowly
 
     own_cluster.start(2, "--no-nanny")
     pieces = [(str(tmp_path), number) for number in range(6)]
 
     def kill() -> None:
-        wait_until(lambda: len(set(begun(tmp_path).values())) == 2)
+        eventually(lambda: len(set(begun(tmp_path).values())) == 2, "both workers to begin")
         os.kill(own_cluster.processes[-1].pid, signal.SIGKILL)
         (tmp_path / "go").touch()
 
@@ -74,7 +76,7 @@ def test_a_worker_that_is_killed_halfway_takes_nothing_along(own_cluster, tmp_pa
     with open_jobs(JobBackend(cluster=own_cluster.address), 6) as jobs:
         assert jobs.run(slowly, pieces) == [0, 1, 2, 3, 4, 5]
     killer.join()
-    assert own_cluster.processes[-1].wait(300) == -signal.SIGKILL
+    assert own_cluster.processes[-1].wait(PATIENCE_S) == -signal.SIGKILL
     assert set(begun(tmp_path).values()) >= {own_cluster.processes[1].pid}
 
 

@@ -2,7 +2,6 @@
 
 import multiprocessing
 import os
-import threading
 from pathlib import Path
 
 import pytest
@@ -87,12 +86,11 @@ def test_what_is_cancelled_ends_at_once_and_leaves_no_process(tmp_path: Path) ->
 def test_here_a_piece_is_cancelled_when_it_tells_how_far_it_is(tmp_path: Path) -> None:
     from pieces import slowly
 
-    ended = threading.Event()
-    timer = threading.Timer(0.2, ended.set)
-    timer.start()
+    shares: list[float] = []
+    pieces = [(str(tmp_path), 0), (str(tmp_path), 1)]
     with pytest.raises(TasksStoppedError), open_jobs(JobBackend(jobs=1), 2) as jobs:
-        jobs.run(slowly, [(str(tmp_path), 0), (str(tmp_path), 1)], cancelled=ended.is_set)
-    timer.join()
+        jobs.run(slowly, pieces, progress=shares.append, cancelled=lambda: len(shares) == 3)
+    assert shares == [0.25] * 3, "half of the first piece"
     assert len(list(tmp_path.glob("begun-*"))) == 1
 
 

@@ -34,6 +34,7 @@ def digests(folder: Path) -> dict[str, str]:
     return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.iterdir() if path.name != LOCK}
 
 
+@pytest.mark.gate
 def test_a_data_set_is_the_same_byte_for_byte_and_goes_on_wherever_it_was_begun(cluster, tmp_path: Path) -> None:
     here, there = tmp_path / "here", tmp_path / "there"
     engine = JobBackend(cluster=cluster.address)

@@ -28,6 +28,7 @@ from core.learning.vector_environment import VectorReturn
 from core.physics.episode import Case
 from core.text import parse_toml
 
+pytestmark = pytest.mark.numeric
 ROOT = Path(__file__).parents[3]
 TRUTH = EnvironmentConfig(state_source="truth")
 KINDS = {

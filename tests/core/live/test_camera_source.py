@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
@@ -24,6 +24,7 @@ from core.live.ring_recording import RingRecording
 from core.live.stream_watch import StreamWatch
 from core.recordings import open_recording
 from tests.core.devices.replayed_hardware import Replayed, ReplayedLibrary
+from tests.waiting import eventually
 
 SENSOR = SensorSize(1280, 720)
 BLOCK_US = 10_000
@@ -50,13 +51,12 @@ class Loaded:
 
 
 class Heard:
-    """Remembers what is told of blocks, and may take its time."""
+    """Remembers what is told of blocks."""
 
-    def __init__(self, pause_s: Callable[[int], float] = lambda t_us: 0.0) -> None:
+    def __init__(self) -> None:
         self.blocks: list[tuple[int, dict[str, Events]]] = []
         self.sessions: list[str] = []
         self._batches: dict[str, Events] = {}
-        self._pause_s = pause_s
 
     def on_session(self, welcome: m.Reply) -> None:
         self.sessions.append(welcome.session)
@@ -65,7 +65,6 @@ class Heard:
         self._batches[batch.camera] = batch.events()
 
     def on_state(self, state: m.WorldState) -> None:
-        time.sleep(self._pause_s(state.t_us))
         self.blocks.append((state.t_us, self._batches))
         self._batches = {}
 
@@ -76,13 +75,6 @@ class Heard:
         """(N, 3) time, x, y of all that was told of a camera."""
         parts = [seen[name] for _, seen in self.blocks if name in seen]
         return np.concatenate([np.column_stack([one.t_us, one.x_px, one.y_px]) for one in parts])
-
-
-def wait_for(true: Callable[[], object], seconds: float = 300) -> None:
-    until = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < until, "it did not happen in time"
-        time.sleep(0.01)
 
 
 @contextmanager
@@ -123,7 +115,7 @@ def test_a_recorded_pair_through_the_camera_path_gives_the_offline_detections_ex
         source.add_listener(ring)
         source.add_listener(heard)
         library.begin()
-        wait_for(lambda: len(heard.blocks) >= 60)
+        eventually(lambda: len(heard.blocks) >= 60, "60 blocks")
         source.listen(False)
         assert [t_us for t_us, _ in heard.blocks[:60]] == [BLOCK_US * (k + 1) for k in range(60)]
         for name, stream in recording.cameras.items():
@@ -140,6 +132,7 @@ def test_a_recorded_pair_through_the_camera_path_gives_the_offline_detections_ex
         assert all(one.events_given_up == one.packets_dropped == one.packets_refused == 0 for one in counts)
 
 
+@pytest.mark.gate
 def test_the_live_chain_on_cameras_sees_what_the_chain_sees_in_the_file(recording):
     chain = RallyChain(calibration_of(recording), ChainConfig())
     offline = [chain.step(one) for one in windows_side_by_side(recording.cameras, 0, 600_000, 2000)]
@@ -148,17 +141,17 @@ def test_the_live_chain_on_cameras_sees_what_the_chain_sees_in_the_file(recordin
     with cameras(of_recording(recording), **settings) as (source, library):
         player = LivePlayer(source)
         player.add_step_listener(lambda session, state, decision: steps.append(state))
-        wait_for(lambda: player.snapshot.session)
+        eventually(lambda: player.snapshot.session, "a session of the player")
 
         class Patient(Heard):
             def on_state(self, state: m.WorldState) -> None:
-                wait_for(lambda: player.snapshot.t_us >= state.t_us)
+                eventually(lambda: player.snapshot.t_us >= state.t_us, "the player to follow the block")
                 super().on_state(state)
 
         heard = Patient()
         source.add_listener(heard)
         library.begin()
-        wait_for(lambda: len(heard.blocks) >= 60)
+        eventually(lambda: len(heard.blocks) >= 60, "60 blocks")
         source.listen(False)
         assert not player.playing
         player.close()
@@ -168,6 +161,7 @@ def test_the_live_chain_on_cameras_sees_what_the_chain_sees_in_the_file(recordin
         assert live.t_us == known.t_us and live.detections == known.detections and live.verdict == known.verdict
 
 
+@pytest.mark.gate
 def test_two_clocks_are_made_one_without_a_cable():
     """The second camera's clock began elsewhere and drifts: what both see at a time has that time."""
     seen = {
@@ -178,7 +172,7 @@ def test_two_clocks_are_made_one_without_a_cable():
         heard = Heard()
         source.add_listener(heard)
         library.begin()
-        wait_for(lambda: len(heard.blocks) >= 300)
+        eventually(lambda: len(heard.blocks) >= 300, "300 blocks")
         source.listen(False)
         left, right = heard.events("left"), heard.events("right")
         reports = source.reports()
@@ -200,7 +194,7 @@ def test_three_cameras_without_a_cable_are_on_the_clock_of_the_first():
         heard = Heard()
         source.add_listener(heard)
         library.begin()
-        wait_for(lambda: len(heard.blocks) >= 100)
+        eventually(lambda: len(heard.blocks) >= 100, "100 blocks")
         source.listen(False)
         first, *others = (heard.events(name) for name in seen)
     times = {(x, y): t for t, x, y in first}
@@ -216,17 +210,17 @@ def test_a_camera_that_is_unplugged_is_missing_in_words_and_the_other_goes_on():
         source.add_listener(heard)
         source.add_listener(watch)
         library.begin()
-        wait_for(lambda: len(heard.blocks) >= 20)
+        eventually(lambda: len(heard.blocks) >= 20, "20 blocks")
         library.opened[1].unplugged = True
-        wait_for(lambda: source.reports()[1].problem)
+        eventually(lambda: source.reports()[1].problem, "the loss of the camera")
         blocks = len(heard.blocks)
-        wait_for(lambda: len(heard.blocks) >= blocks + 80)
+        eventually(lambda: len(heard.blocks) >= blocks + 80, "80 blocks without the camera")
         assert "left" in heard.blocks[-1][1] and "right" not in heard.blocks[-1][1]
         assert source.status == "connected" and "the device was disconnected" in source.reports()[1].problem
         left, right = watch.health().cameras
         assert left.blocks_missing == 0 and right.lost
         library.opened[0].unplugged = True
-        wait_for(lambda: source.status == "lost")
+        eventually(lambda: source.status == "lost", "the loss of both cameras")
 
 
 @pytest.mark.parametrize("gone", [0, 1])
@@ -236,9 +230,9 @@ def test_a_camera_that_goes_before_the_clocks_are_known_holds_nobody_up(gone):
         heard = Heard()
         source.add_listener(heard)
         library.begin()
-        wait_for(lambda: source.reports()[gone].counts.events)
+        eventually(lambda: source.reports()[gone].counts.events, "events of the camera")
         library.opened[gone].unplugged = True
-        wait_for(lambda: len(heard.blocks) >= 50)
+        eventually(lambda: len(heard.blocks) >= 50, "50 blocks without the camera")
         assert [list(batches) for _, batches in heard.blocks[-10:]] == [["left", "right"][1 - gone : 2 - gone]] * 10
 
 
@@ -248,11 +242,11 @@ def test_the_first_camera_may_be_the_one_that_goes():
         heard = Heard()
         source.add_listener(heard)
         library.begin()
-        wait_for(lambda: len(heard.blocks) >= 50)
+        eventually(lambda: len(heard.blocks) >= 50, "50 blocks")
         library.opened[0].unplugged = True
-        wait_for(lambda: source.reports()[0].problem)
+        eventually(lambda: source.reports()[0].problem, "the loss of the camera")
         blocks = len(heard.blocks)
-        wait_for(lambda: len(heard.blocks) >= blocks + 50)
+        eventually(lambda: len(heard.blocks) >= blocks + 50, "50 blocks without the camera")
         assert "right" in heard.blocks[-1][1] and "left" not in heard.blocks[-1][1]
         assert [t_us for t_us, _ in heard.blocks] == [BLOCK_US * (k + 1) for k in range(len(heard.blocks))]
 
@@ -263,25 +257,32 @@ def test_packets_that_the_driver_lost_are_counted_and_the_rest_comes():
         heard = Heard()
         source.add_listener(heard)
         library.began_s = time.monotonic() - 0.5  # 500 packets wait for a ring of 20
-        wait_for(lambda: len(heard.blocks) >= 20)
-        (report,) = source.reports()
-        device = library.opened[0]
-        assert report.counts.packets_dropped >= 400 and report.counts.gaps >= 1
-        assert device.events_dropped == 100 * report.counts.packets_dropped
+        eventually(lambda: len(heard.blocks) >= 20, "20 blocks")
+    (report,) = source.reports()  # after the last packet
+    device = library.opened[0]
+    assert report.counts.packets_dropped >= 400 and report.counts.gaps >= 1
+    assert device.events_dropped == 100 * report.counts.packets_dropped
 
 
 def test_who_listens_too_slowly_loses_whole_blocks_which_are_counted():
     seen = {"only": Replayed(stream=Noise(), duration_us=10**9)}
     with cameras(seen, behind_us=500_000) as (source, library):
-        heard, watch = Heard(lambda t_us: 2.0 if t_us == 50_000 else 0.0), StreamWatch()
+
+        class Slow(Heard):
+            def on_state(self, state: m.WorldState) -> None:
+                if state.t_us == 50_000:
+                    eventually(lambda: source._feeds[0].complete_us >= 2_000_000, "two seconds of the camera")
+                super().on_state(state)
+
+        heard, watch = Slow(), StreamWatch()
         source.add_listener(heard)
         source.add_listener(watch)
         library.begin()
-        wait_for(lambda: len(heard.blocks) >= 30)
+        eventually(lambda: len(heard.blocks) >= 30, "30 blocks")
         source.listen(False)
-        wait_for(lambda: source._zero_us is None)  # the block in hand is told by then
+        eventually(lambda: source._zero_us is None, "the block in hand to be told")  # the block in hand is told by then
         assert source.blocks_skipped >= 90
-        wait_for(lambda: watch.health().blocks_lost == source.blocks_skipped)
+        eventually(lambda: watch.health().blocks_lost == source.blocks_skipped, "the lost blocks to be counted")
         events = heard.events("only")
         assert len(events) == 1000 * len(heard.blocks), "what is told is whole"
         assert source.reports()[0].counts.events_given_up == 1000 * source.blocks_skipped
@@ -293,14 +294,14 @@ def test_for_nobody_its_time_stands_still():
         heard = Heard()
         source.add_listener(heard)
         library.begin()
-        wait_for(lambda: len(heard.blocks) >= 10)
+        eventually(lambda: len(heard.blocks) >= 10, "10 blocks")
         source.listen(False)
-        wait_for(lambda: source._zero_us is None)
-        blocks = len(heard.blocks)
-        time.sleep(0.5)
+        eventually(lambda: source._zero_us is None, "the block in hand to be told")
+        blocks, seen_us = len(heard.blocks), library.opened[0].sent_us
+        eventually(lambda: library.opened[0].sent_us >= seen_us + 500_000, "the camera to see for half a second")
         assert len(heard.blocks) == blocks
         source.listen(True)
-        wait_for(lambda: len(heard.blocks) >= blocks + 10)
+        eventually(lambda: len(heard.blocks) >= blocks + 10, "10 blocks more")
         assert [t_us for t_us, _ in heard.blocks] == [BLOCK_US * (k + 1) for k in range(len(heard.blocks))]
         assert source.reports()[0].counts.events_given_up == 0 and source.blocks_skipped == 0
 
@@ -311,7 +312,7 @@ def test_a_long_session_is_followed_by_another():
         heard = Heard()
         source.add_listener(heard)
         library.begin()
-        wait_for(lambda: len(heard.blocks) >= 12)
+        eventually(lambda: len(heard.blocks) >= 12, "12 blocks")
         assert [t_us // BLOCK_US for t_us, _ in heard.blocks[:12]] == [1, 2, 3, 4, 5] * 2 + [1, 2]
         assert len(set(heard.sessions)) >= 3
 
@@ -323,11 +324,11 @@ def test_cameras_that_are_calibrated_while_they_run_begin_a_new_session_and_miss
         heard = Heard()
         source.add_listener(heard)
         library.begin()
-        wait_for(lambda: len(heard.blocks) >= 3)
+        eventually(lambda: len(heard.blocks) >= 3, "3 blocks")
         source.recalibrate({"only": found})
-        wait_for(lambda: len(heard.sessions) == 2)
+        eventually(lambda: len(heard.sessions) == 2, "the second session")
         count = len(heard.blocks)
-        wait_for(lambda: len(heard.blocks) >= count + 3)
+        eventually(lambda: len(heard.blocks) >= count + 3, "3 blocks of the second session")
         np.testing.assert_allclose(source.welcome.calibrated()["only"].T_world_camera, found.T_world_camera)
         assert len(heard.sessions) == 2 and source.blocks_skipped == 0
 
@@ -337,7 +338,7 @@ def test_what_is_recorded_of_cameras_opens_again(recording, tmp_path):
         recorder, heard = LiveRecorder(source, tmp_path / "live.h5"), Heard()
         source.add_listener(heard)
         library.begin()
-        wait_for(lambda: len(heard.blocks) >= 40)
+        eventually(lambda: len(heard.blocks) >= 40, "40 blocks")
         duration_us = recorder.stop()
     assert duration_us >= 390_000
     with open_recording(tmp_path / "live.h5") as again:

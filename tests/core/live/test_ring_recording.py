@@ -13,6 +13,7 @@ from core.errors import LinkError
 from core.events import SensorSize
 from core.live.link import messages as m
 from core.live.ring_recording import LiveConfig, RingRecording
+from tests.waiting import PATIENCE_S
 
 SENSOR = SensorSize(64, 48)
 BLOCK_US = 10_000
@@ -211,5 +212,5 @@ def test_readers_in_other_threads_see_whole_blocks_only(live):
         send(live, block, rng, 100)
     done.set()
     for thread in threads:
-        thread.join()
+        thread.join(PATIENCE_S)
     assert not wrong

@@ -23,6 +23,7 @@ from core.metrics.compare import (
 )
 from core.recordings import PixelTruth, open_recording
 
+pytestmark = pytest.mark.numeric
 NAN = float("nan")
 LATE_US = 250
 ASKED = np.arange(1000, 20_000, 1000)

@@ -1,8 +1,10 @@
 import numpy as np
+import pytest
 
 from core.metrics.flight_predictions import compare_predictors
 from core.physics.fit_flights import FittedPhysics, RecordedFlight, simulate_flight, with_constants
 
+pytestmark = pytest.mark.numeric
 CONSTANTS = {"drag_coefficient": 0.5, "restitution": 0.92, "friction": 0.22, "magnus_coefficient": 0.10}
 
 

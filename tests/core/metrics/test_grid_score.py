@@ -10,6 +10,7 @@ from core.metrics import WindowAnswers
 from core.metrics.grid_score import GridScore, image_velocity, score_on_grid
 from core.recordings import PixelTruth
 
+pytestmark = pytest.mark.numeric
 SENSOR = SensorSize(400, 100)
 T = np.arange(0, 60_001, 500)
 

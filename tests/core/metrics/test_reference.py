@@ -1,12 +1,14 @@
 """What answers are compared with."""
 
 import numpy as np
+import pytest
 
 from core.events import SensorSize
 from core.metrics import WindowAnswers
 from core.metrics.compare import labels_reference, method_reference, truth_reference
 from core.recordings import PixelTruth
 
+pytestmark = pytest.mark.numeric
 NAN = float("nan")
 
 

@@ -9,6 +9,7 @@ from core.metrics import run_detector
 from core.metrics.run import answer_window
 from core.recordings import open_recording
 
+pytestmark = pytest.mark.numeric
 CONFIGS = {"refined": refined_config(), "ebpp": ebpp_config(), "fe-fusion": fe_fusion_config()}
 BALL_US = 300_000
 

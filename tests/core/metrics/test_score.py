@@ -9,6 +9,7 @@ from core.events import Events, SensorSize
 from core.metrics import WindowAnswers, run_detector, score_answers, score_recording
 from core.recordings import PixelTruth
 
+pytestmark = pytest.mark.numeric
 NAN = float("nan")
 
 

@@ -23,6 +23,7 @@ from core.metrics.streaming import (
 )
 from core.recordings import PixelTruth
 
+pytestmark = pytest.mark.numeric
 WINDOW_US = 1000
 
 

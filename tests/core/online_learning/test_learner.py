@@ -24,7 +24,9 @@ from core.online_learning.learner import OnlineLearner
 from core.online_learning.start import NOTHING, can_start_from, start_from_nothing, start_from_run
 from core.physics import TaskConfig
 from core.physics.episode import Case
+from tests.waiting import eventually
 
+pytestmark = pytest.mark.numeric
 ENVIRONMENT = EnvironmentConfig(state_source="truth")
 GOAL = np.array([0.8, 0.0])
 BETWEEN_S = 2.0
@@ -78,12 +80,7 @@ def balls_of(learner: OnlineLearner) -> int:
 
 
 def wait_for_balls(learner: OnlineLearner, count: int) -> None:
-    tick = threading.Event()
-    for _ in range(6000):
-        if balls_of(learner) >= count:
-            return
-        tick.wait(0.005)
-    raise AssertionError("the ball was not learned from")
+    eventually(lambda: balls_of(learner) >= count, "the ball to be learned from", lambda: learner.progress)
 
 
 def median_error_mm(policy: Policy) -> float:

@@ -10,6 +10,7 @@ from core.outcomes import ClassifiedStroke, OutcomeClassifier
 from core.physics.episode import Case
 from core.table import BALL_RADIUS_M, GRAVITY_MPS2, NET_HEIGHT_M, TABLE_LENGTH_M, TABLE_WIDTH_M
 
+pytestmark = pytest.mark.numeric
 Array = NDArray[np.float64]
 
 HIT_M = np.array([-1.42, 0.1, 0.25])

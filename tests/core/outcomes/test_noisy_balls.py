@@ -11,6 +11,7 @@ from core.outcomes import OutcomeClassifier
 from core.physics.config import Profile
 from core.physics.episode import Case
 
+pytestmark = pytest.mark.numeric
 BALLS = 40
 
 

@@ -19,6 +19,7 @@ from core.outcomes.perceived_backend import PerceivedBackend
 from core.physics.episode import Case, Outcomes
 from core.simulation import SceneConfig, StereoConfig
 
+pytestmark = pytest.mark.numeric
 EVENTS = EnvironmentConfig(state_source="events", outcomes="events")
 STROKES = np.array([[0.0, 0.0, 0.0], [0.3, -0.6, 0.5], [0.0, 0.9, -0.4]])
 

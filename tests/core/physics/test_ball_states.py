@@ -13,6 +13,7 @@ from core.physics.task import task_profile
 from core.simulation.episodes import draw_serves, fly_serves
 from core.simulation.episodes.incoming import Incoming, RecordedServes, fly_incoming
 
+pytestmark = pytest.mark.numeric
 REAL = task_profile("real")
 PAPER = task_profile("paper")
 STATE = dict(zip(KEYS, (0.1, 1.2, 0.3, -0.2, -5.0, 1.0, 30.0, 4.0, -7.0), strict=True))

@@ -13,6 +13,8 @@ from core.physics.config import AirConfig
 from core.physics.task import task_profile
 from core.table import REAL_DRAG, REAL_FRICTION, REAL_MAGNUS, REAL_RESTITUTION
 
+pytestmark = pytest.mark.numeric
+
 
 def test_the_default_is_the_paper_s_profile_without_air() -> None:
     assert PhysicsConfig() == physics_profile("paper")

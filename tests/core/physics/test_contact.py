@@ -11,6 +11,7 @@ from core.physics.contact import come_down, cross_net_plane, highest_point, next
 from core.physics.flight import air_from_config, fly
 from core.table import GRAVITY_MPS2
 
+pytestmark = pytest.mark.numeric
 PROFILES = ("paper", "real")
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from core.physics import crossing
 from core.physics.crossing import COUNT, find_crossings, piece_at
 
+pytestmark = pytest.mark.numeric
 Array = NDArray[np.float64]
 
 G = 9.81

@@ -21,6 +21,7 @@ from core.physics.fit_flights import (
     with_constants,
 )
 
+pytestmark = pytest.mark.numeric
 DRAG, RESTITUTION, FRICTION, MAGNUS = 0.40, 0.88, 0.30, 0.12
 TRUE = with_constants(MAGNUS, DRAG, RESTITUTION, FRICTION)
 NOISE_M = 0.001

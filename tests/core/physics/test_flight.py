@@ -12,6 +12,7 @@ from core.physics.config import AirConfig, PhysicsConfig, physics_profile
 from core.physics.flight import Air, air_from_config, fall_through, fly
 from core.table import BALL_MASS_KG, BALL_RADIUS_M, GRAVITY_MPS2
 
+pytestmark = pytest.mark.numeric
 Array = NDArray[np.float64]
 
 GRAVITY_ONLY = air_from_config(physics_profile("paper"))

@@ -14,6 +14,7 @@ from core.physics.fit_flights import positions_at
 from core.physics.flight import Air, air_from_config, fly
 from core.physics.impact import Surface, surfaces_from_config
 
+pytestmark = pytest.mark.numeric
 Array = NDArray[np.float64]
 
 G = 9.81

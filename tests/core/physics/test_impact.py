@@ -12,6 +12,7 @@ from core.physics.config import physics_profile
 from core.physics.impact import Surface, strike, surfaces_from_config
 from core.table import BALL_MASS_KG, BALL_RADIUS_M
 
+pytestmark = pytest.mark.numeric
 Array = NDArray[np.float64]
 
 PAPER_TABLE, PAPER_RUBBER = surfaces_from_config(physics_profile("paper"))

@@ -5,6 +5,8 @@ import pytest
 
 from core.physics.points_file import PointsFileError, read_points
 
+pytestmark = pytest.mark.numeric
+
 
 def points_of(tmp_path: Path, text: str) -> tuple[np.ndarray, np.ndarray]:
     path = tmp_path / "points.csv"

@@ -10,6 +10,7 @@ import pytest
 from core.physics.fit_flights import read_flight_file
 from core.physics.points_file import PointsFile, PointsFileError, read_points_file
 
+pytestmark = pytest.mark.numeric
 Array = np.ndarray
 
 

@@ -16,6 +16,8 @@ from core.physics.rotation import (
 )
 from core.physics.task import StrokeConfig
 
+pytestmark = pytest.mark.numeric
+
 
 def test_actions_are_intrinsic_x_y_z_angles_after_the_base() -> None:
     stroke = StrokeConfig(base_pitch_deg=7.0)

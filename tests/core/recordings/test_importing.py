@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import random
-import signal
 import subprocess
 import sys
-import time
 
 import cv2
 import h5py
@@ -192,31 +188,37 @@ def test_pictures_go_along_on_the_clock_of_the_events(tmp_path, pair):
     assert not (tmp_path / "b.h5").exists()
 
 
-SLOW_IMPORT = """
-import sys, time
+STEPWISE_IMPORT = """
+import sys
 from pathlib import Path
 from core.recordings import import_recording
 import core.recordings.importing as importing
 importing._FLUSH_S = 0.0
 def tick(share):
     print(share, flush=True)
-    time.sleep(0.002)
+    sys.stdin.readline()
 import_recording([Path(sys.argv[1])], Path(sys.argv[2]), progress=tick)
 """
 
 
-@pytest.mark.parametrize("number", range(3))
-def test_an_import_that_is_killed_loses_nothing_that_was_flushed(tmp_path, make_events, write_foreign, number):
+@pytest.mark.parametrize("packets", [3, 17, 30])
+def test_an_import_that_is_killed_loses_nothing_that_was_flushed(tmp_path, make_events, write_foreign, packets):
     events = make_events(300_000, seed=3, duration_us=900_000, sensor=SENSOR)
     source = write_foreign("dat", tmp_path / "events", events)
     target = tmp_path / "a.h5"
     process = subprocess.Popen(
-        [sys.executable, "-c", SLOW_IMPORT, str(source), str(target)], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", STEPWISE_IMPORT, str(source), str(target)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
     )
-    assert process.stdout is not None
-    said = [process.stdout.readline() for _ in range(3)]
-    time.sleep(random.Random(number).uniform(0, 0.1))
-    os.kill(process.pid, signal.SIGKILL)
+    assert process.stdin is not None and process.stdout is not None
+    said = []
+    for _ in range(packets):
+        said.append(process.stdout.readline())
+        process.stdin.write("\n")
+        process.stdin.flush()
+    process.kill()  # at its work on the packet after these
     said += process.stdout.readlines()
     process.wait()
     with open_recording(target) as recording:

@@ -8,8 +8,7 @@ import signal
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -23,18 +22,11 @@ from core.recordings import open_recording
 from core.robot import RobotClient, RobotWatchConfig, SourceWithRobot
 from core.robot.robot_client import host_us
 from tests.core.robot.starting import start_until_answered
+from tests.waiting import PATIENCE_S, eventually
 
 ROOT = Path(__file__).parents[3]
 EXAMPLE = ROOT / "docs" / "examples" / "example_robot.py"
-PATIENCE_S = 240.0
 HOME = np.array([-1.6, 0.0, 0.25])
-
-
-def wait_for(true: Callable[[], object], what: str) -> None:
-    until = time.monotonic() + PATIENCE_S
-    while not true():
-        assert time.monotonic() < until, f"it did not happen in time: {what}"
-        time.sleep(0.01)
 
 
 class ExampleProcess:
@@ -63,7 +55,7 @@ class ExampleProcess:
 
     def kill(self) -> None:
         self._process.kill()
-        self._process.wait()
+        self._process.wait(PATIENCE_S)
 
 
 class RacketNotes:
@@ -92,6 +84,7 @@ def test_the_example_is_short() -> None:
     assert len(EXAMPLE.read_text().splitlines()) <= 60
 
 
+@pytest.mark.gate
 def test_it_plays_balls_that_cameras_saw_is_stopped_killed_and_brought_back(example, serve_recording) -> None:
     config = RobotWatchConfig(lost_ms=1500.0, slow_ms=400.0)  # so that a busy machine is no part of the test
     client = RobotClient(example.address, config=config)
@@ -101,15 +94,15 @@ def test_it_plays_balls_that_cameras_saw_is_stopped_killed_and_brought_back(exam
 
     def plays(one: ExampleProcess, more: int) -> None:
         wanted = len(one.impacts_mps) + more
-        wait_for(lambda: len(one.impacts_mps) >= wanted, f"{more} more impacts; {client.status}")
+        eventually(lambda: len(one.impacts_mps) >= wanted, f"{more} more impacts", lambda: client.status)
 
     def start() -> None:
-        wait_for(lambda: client.status.connection == "ready", f"the robot; {client.status}")
+        eventually(lambda: client.status.connection == "ready", "the robot", lambda: client.status)
         start_until_answered(client)
-        wait_for(lambda: client.status.stop is None, "the start")
+        eventually(lambda: client.status.stop is None, "the start")
 
     try:
-        wait_for(lambda: client.status.counts.not_ready > 3, "targets that do not leave before it is started")
+        eventually(lambda: client.status.counts.not_ready > 3, "targets that do not leave before it is started")
         assert client.status.counts.sent == 0 and example.impacts_mps == []
         start()
         plays(example, 3)
@@ -118,38 +111,38 @@ def test_it_plays_balls_that_cameras_saw_is_stopped_killed_and_brought_back(exam
         assert rows[:, 0].max() > -1.55 and np.abs(rows[:, 7:]).max() > 0.1, "the racket went to the balls"
 
         client.stop("a visitor is too near")
-        wait_for(lambda: client.status.state.stopped == "rallyscope", "the robot to know")
+        eventually(lambda: client.status.state.stopped == "rallyscope", "the robot to know")
         assert client.status.state.reason == "a visitor is too near"
-        wait_for(lambda: np.abs(client.status.state.v_mps).max() < 1e-6, "the racket to stand")
+        eventually(lambda: np.abs(client.status.state.v_mps).max() < 1e-6, "the racket to stand")
         sent, impacts, p_m = client.status.counts.sent, len(example.impacts_mps), client.status.state.p_m
         kept = client.status.counts.not_ready
-        wait_for(lambda: client.status.counts.not_ready > kept + 5, "balls that are not played")
+        eventually(lambda: client.status.counts.not_ready > kept + 5, "balls that are not played")
         assert (client.status.counts.sent, len(example.impacts_mps)) == (sent, impacts)
         assert client.status.state.p_m == p_m, "it stands where it stopped"
         start()
         plays(example, 1)
 
         example.send(signal.SIGUSR1)
-        wait_for(lambda: client.status.stop is not None, "the red button")
+        eventually(lambda: client.status.stop is not None, "the red button")
         assert (client.status.stop.by, client.status.stop.reason) == ("robot", "the red button was pressed")
         start()
         plays(example, 1)
 
         lost = client.status.counts.lost
         example.send(signal.SIGSTOP)  # it hangs
-        wait_for(lambda: client.status.connection == "lost", "the loss")
+        eventually(lambda: client.status.connection == "lost", "the loss")
         sent = client.status.counts.sent
         with pytest.raises(TargetRefusedError, match="nothing heard"):
             client.aim(HOME, (1, 0, 0, 0), (0, 0, 0), host_us() + 500_000)
-        assert client.status.counts.lost == lost + 1 and client.status.counts.sent == sent
+        assert client.status.counts.lost > lost and client.status.counts.sent == sent
         example.send(signal.SIGCONT)
-        wait_for(lambda: client.status.ready, "it to be back, without a person")
+        eventually(lambda: client.status.ready, "it to be back, without a person")
         plays(example, 1)
 
         example.kill()
-        wait_for(lambda: client.status.connection == "lost", "the loss of the killed")
+        eventually(lambda: client.status.connection == "lost", "the loss of the killed")
         again = ExampleProcess(example.address)
-        wait_for(lambda: client.status.connection == "ready", "the new one")
+        eventually(lambda: client.status.connection == "ready", "the new one")
         assert client.status.stop is not None and "started anew" in client.status.stop.reason
         assert again.impacts_mps == []
         start()
@@ -166,9 +159,9 @@ def test_a_source_that_is_not_in_real_time_moves_no_robot(example, serve_recordi
     source = SourceWithRobot(ReplaySource(open_recording(serve_recording), "serve.h5", speed=0.5), client)
     source.add_listener(RacketNotes())
     try:
-        wait_for(lambda: client.status.connection == "ready", "the robot")
+        eventually(lambda: client.status.connection == "ready", "the robot")
         start_until_answered(client)
-        wait_for(lambda: source.state is not None, "the source")
+        eventually(lambda: source.state is not None, "the source")
         with pytest.raises(TargetRefusedError, match="real time"):
             source.aim_racket((-1.42, 0.1, 0.3), (1.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0), source.state.t_us + 500_000)
         with pytest.raises(LinkError, match="a robot of its own"):

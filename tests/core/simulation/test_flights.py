@@ -8,6 +8,8 @@ from core.simulation import FlightSeries, LaunchConfig, draw_serve_series
 from core.simulation.flights import ParabolicPath
 from core.table import BALL_RADIUS_M, GRAVITY_MPS2, NET_HEIGHT_M, TABLE_LENGTH_M, TABLE_WIDTH_M
 
+pytestmark = pytest.mark.numeric
+
 
 def arcs(series: FlightSeries) -> list[ParabolicPath]:
     """Its flights, which have a closed form."""

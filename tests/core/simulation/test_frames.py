@@ -29,6 +29,7 @@ from core.simulation.scenes.racket_view import RACKET_COLUMNS, RacketPath, Racke
 from core.simulation.scenes.shading import Moving
 from tests.dense_picture import render_light
 
+pytestmark = pytest.mark.numeric
 SCENE = SceneConfig()
 CLEAN = FrameConfig(read_noise=0.0)
 GONE = ParabolicPath(

@@ -21,6 +21,7 @@ from core.simulation import (
 from core.simulation.bodies import make_actors
 from core.simulation.frames import FrameConfig
 
+pytestmark = pytest.mark.numeric
 CAMERAS = stereo_preset()
 SMALL = stereo_preset(sensor=SensorSize(320, 240))
 

@@ -11,6 +11,7 @@ from core.simulation import LaunchConfig, StereoConfig, ball_truth, draw_serve_s
 from core.simulation.flights import ParabolicPath, TracedFlight, serve_flight
 from core.table import BALL_RADIUS_M, NET_HEIGHT_M, TABLE_LENGTH_M, TABLE_WIDTH_M
 
+pytestmark = pytest.mark.numeric
 REAL = physics_profile("real")
 LAUNCH = Serves(np.array([[1.1, 0.1, 0.35]]), np.array([[-5.0, 0.0, 1.0]]), np.array([[0.0, -80.0, 40.0]]))
 

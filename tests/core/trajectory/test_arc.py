@@ -5,6 +5,7 @@ import pytest
 
 from core.trajectory.arc import Arcs, fit_arcs, reflect, time_back_to, time_down_to
 
+pytestmark = pytest.mark.numeric
 G = 9.81
 
 

@@ -11,6 +11,7 @@ from core.trajectory.bounce_question import LONGEST_S, SIGMAS, BounceQuestion, T
 from core.trajectory.filter_kernel import ProcessNoise, bounce_estimate, move
 from core.trajectory.observation import GATE, PointObservation
 
+pytestmark = pytest.mark.numeric
 STILL = ProcessNoise(lift=0.0, air=0.0, bounce_mps=0.0, ahead_m=0.0, ahead_s=1e9)
 NOISE = 1e-6 * np.eye(3)
 

@@ -13,6 +13,7 @@ from core.trajectory.ball_kernel import LIFT, TOUCHES, fly_and_bounce, touches
 from core.trajectory.filter_kernel import ProcessNoise, move
 from core.trajectory.observation import PointObservation
 
+pytestmark = pytest.mark.numeric
 START = np.array([1.2, 0.1, 0.30, -5.0, 0.2, 1.0, 20.0, -80.0, 40.0])
 REAL = np.array([REAL_DRAG.value, REAL_RESTITUTION.value, REAL_FRICTION.value, 0.0, 0.0])
 """Drag, restitution, friction of the simulated profile; the table is where it should be, and so are observations."""

@@ -10,6 +10,7 @@ from core.table import BALL_RADIUS_M, GRAVITY_MPS2
 from core.trajectory.ball_kernel import AHEAD, HIGHER, LIFT, RESTITUTION, STATE, bounce, glide, pull
 from core.trajectory.filter_kernel import ProcessNoise, bounce_estimate, move, observe
 
+pytestmark = pytest.mark.numeric
 CALM = ProcessNoise(lift=LIFT * 0.10, air=0.0, bounce_mps=0.0, ahead_m=0.0, ahead_s=1e9)
 START = np.array([1.2, 0.1, 0.30, -5.0, 0.4, 1.0, 20.0, -80.0, 40.0, 0.45, 0.93, 0.20, 0.001, 0.0])
 

@@ -11,6 +11,7 @@ from core.trajectory import FilterPredictor, filter_for
 from core.trajectory.filter_config import PAPER, UNKNOWN
 from core.trajectory.learned_constants import LearnedConstants, nothing_learned
 
+pytestmark = pytest.mark.numeric
 UNTOLD = replace(filter_for("paper"), perhaps_real=True)
 
 

@@ -5,6 +5,8 @@ from core.trajectory.ball_kernel import LIFT, TOUCHES
 from core.trajectory.filter_kernel import ROWS
 from core.trajectory.mixture import Foreseen, MixedPaths, Paths, mix
 
+pytestmark = pytest.mark.numeric
+
 
 def foreseen(weight: float, seed: int, *, lands: bool = True) -> Foreseen:
     """An estimate of a ball in the air with random neighbours."""

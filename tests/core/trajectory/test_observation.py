@@ -11,6 +11,7 @@ from core.trajectory.filter_config import PROCESS_NOISE_KINDS, UNKNOWN
 from core.trajectory.observation import observe_pixel
 from core.trajectory.stereo_filters import refined_filter
 
+pytestmark = pytest.mark.numeric
 CAMERAS = camera_preset("corners")
 RIG = StereoRig(CAMERAS)
 ARRAYS = {name: RIG.camera_arrays(name) for name in CAMERAS}
@@ -119,6 +120,7 @@ def flight(seed: int, bounces: bool) -> tuple[np.ndarray, np.ndarray, bool]:
 
 
 @pytest.mark.parametrize("bounces", [False, True])
+@pytest.mark.gate
 def test_the_covariance_is_honest_while_one_camera_carries_a_flight_for_100_ms(bounces: bool) -> None:
     flights = [flight(seed, bounces) for seed in range(60)]
     errors = np.array([one[0] for one in flights])

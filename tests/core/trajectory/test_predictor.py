@@ -9,6 +9,7 @@ from core.table import BALL_RADIUS_M, GRAVITY_MPS2
 from core.trajectory import PaperPredictor, PaperPredictorConfig, Prediction, predict_arrivals, predictor_for
 from core.trajectory.prediction import _one_sigma_moves
 
+pytestmark = pytest.mark.numeric
 LAUNCH = np.array([1.5, 0.2, 0.35])
 VELOCITY = np.array([-5.0, -0.1, 0.6])
 

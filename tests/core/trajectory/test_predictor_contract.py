@@ -7,6 +7,7 @@ from core.errors import ConfigError
 from core.table import BALL_RADIUS_M, GRAVITY_MPS2
 from core.trajectory import FilterPredictor, PaperPredictor, PaperPredictorConfig, Predictor, filter_for
 
+pytestmark = pytest.mark.numeric
 FRICTION, RESTITUTION = 0.15, 0.90
 START, VELOCITY = np.array([1.2, 0.1, 0.35]), np.array([-5.0, 0.3, 0.6])
 

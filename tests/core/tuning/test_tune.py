@@ -18,6 +18,7 @@ from core.tuning import TuningConfig, choose_parameters, report_of, truth_object
 from core.tuning.objective import WORST, Cancelled, SplitScore, TruthObjective, figures_of
 from core.tuning.tune import TuningProgress, TuningResult
 
+pytestmark = pytest.mark.numeric
 BAD = replace_setting(DetectorConfig(), ("geometry", "circularity_min"), 0.9)
 """Refuses most balls."""
 NAMES = ("geometry.circularity_min", "localise.radius_min_px", "localise.radius_max_px")
@@ -88,6 +89,7 @@ def test_only_what_was_named_is_changed(found: TuningResult) -> None:
     assert {section for section in before if before[section] != after[section]} <= {"geometry", "localise"}
 
 
+@pytest.mark.gate
 def test_the_answer_is_the_same_to_the_last_bit_however_many_processes_score(
     found: TuningResult, objective: TruthObjective
 ) -> None:

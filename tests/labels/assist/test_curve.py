@@ -8,6 +8,8 @@ from labels.arrays import LabelArrays, label_arrays
 from labels.assist.curve import CurveConfig, find_breaks, interpolate, split_segments
 from labels.model import Label, LabelState
 
+pytestmark = pytest.mark.numeric
+
 
 def along(t_us: np.ndarray, x: np.ndarray, y: np.ndarray) -> LabelArrays:
     return label_arrays(

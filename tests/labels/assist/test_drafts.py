@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from core.cameras import ball_circles, stereo_preset
 from labels.arrays import LabelArrays, label_arrays
@@ -15,6 +16,7 @@ from labels.assist import (
 )
 from labels.model import Label, LabelState, PositionSource
 
+pytestmark = pytest.mark.numeric
 CAMERAS = stereo_preset("side")
 T = np.arange(0, 200_000, 20_000)
 

@@ -7,6 +7,8 @@ import pytest
 
 from labels.assist.label_shift import find_label_shift
 
+pytestmark = pytest.mark.numeric
+
 
 def rally(rng, flights=6):
     """The ball's true path in a picture, each ms: arcs of some 400 ms that turn round at the rackets."""

@@ -13,6 +13,7 @@ from labels.assist.flight import FittedFlight
 from labels.assist.stereo import BallInSpace, Position, median_residual_px
 from labels.model import Label, LabelState
 
+pytestmark = pytest.mark.numeric
 RIG = camera_preset("corners")
 NAMES = tuple(RIG)
 CAMERAS = tuple(RIG.values())

@@ -18,6 +18,7 @@ from labels.assist.review import QueueConfig, review_queue
 from labels.model import Label, LabelState, PositionSource, Provenance
 from labels.store import LabelStore, Layer
 
+pytestmark = pytest.mark.numeric
 T = np.arange(0, 60_000, 2000)
 
 

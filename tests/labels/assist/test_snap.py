@@ -8,6 +8,8 @@ from core.events import Events, SensorSize
 from core.simulation.sensor.sensor import SensorConfig
 from labels.assist.snap import snap
 
+pytestmark = pytest.mark.numeric
+
 
 @pytest.fixture(scope="module")
 def clip() -> Clip:

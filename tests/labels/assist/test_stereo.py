@@ -14,6 +14,7 @@ from labels.assist.flight import FittedFlight, curve_of_flight, fit_flight
 from labels.assist.stereo import check_stereo, epipolar_curve
 from labels.model import Label, LabelState
 
+pytestmark = pytest.mark.numeric
 CAMERAS = stereo_preset("side")
 LEFT, RIGHT = CAMERAS["left"], CAMERAS["right"]
 POINTS = np.random.default_rng(0).uniform((-1.2, -0.7, 0.02), (0.5, 0.7, 0.5), (40, 3))

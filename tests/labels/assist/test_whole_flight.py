@@ -10,6 +10,7 @@ from core.recordings import PixelTruth, open_recording
 from labels.assist import Proposals, propose, whole_flight
 from tests.labels.assist.whole_flight_trial import try_whole_flights
 
+pytestmark = pytest.mark.numeric
 SIGMA_PX = 0.3
 
 
@@ -92,6 +93,7 @@ def test_a_person_with_whole_flights_labels_a_rally_in_seconds_and_takes_no_plan
     assert np.percentile(trial.errors_px, 95) <= 1.0
 
 
+@pytest.mark.gate
 def test_the_detectors_own_proposals_of_a_recording_are_taken_as_a_flight(serve_recording) -> None:
     with open_recording(serve_recording) as recording:
         streams = list(recording.cameras.values())

@@ -157,6 +157,7 @@ def test_two_labels_of_one_time_are_one_label_and_one_rejection(context: ImportC
     ]
 
 
+@pytest.mark.gate
 def test_unvisited_pictures_have_no_file_and_no_row(balls: LabelSet, tmp_path: Path) -> None:
     with_gaps = dataclasses.replace(balls, frames_us=tuple(range(0, 2_000_000, 2500)))
     for name, format_ in FORMATS.items():

@@ -4,10 +4,11 @@ import os
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+from tests.waiting import PATIENCE_S, eventually
 
 
 def free_port() -> int:
@@ -29,10 +30,8 @@ def viewer(saved: Path) -> Iterator[tuple[str, subprocess.Popen]]:
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     process = subprocess.Popen(command, start_new_session=True, **quiet)
     try:
-        until_s = time.monotonic() + 300
-        while not is_open(port):
-            assert time.monotonic() < until_s and process.poll() is None, "the viewer did not start"
-            time.sleep(0.1)
+        eventually(lambda: is_open(port) or process.poll() is not None, "the viewer to start")
+        assert process.poll() is None, "the viewer did not start"
         yield f"rerun+http://127.0.0.1:{port}/proxy", process
     finally:
         end(process)
@@ -42,13 +41,13 @@ def end(process: subprocess.Popen) -> None:
     """With its own child: `python -m rerun` starts the viewer as one."""
     if process.poll() is None:
         os.killpg(process.pid, 15)
-    process.wait(300)
+    process.wait(PATIENCE_S)
 
 
 def entities(path: Path) -> set[str]:
     """Of the rally; not those of the views, which are made anew each time."""
     command = [sys.executable, "-m", "rerun", "rrd", "stats", str(path)]
-    section = subprocess.run(command, capture_output=True, text=True, timeout=300).stdout.partition(
+    section = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S).stdout.partition(
         "Num chunks per entity"
     )[2]
     found = {line.partition(":")[0].strip("/") for line in section.splitlines() if line.startswith("/")}

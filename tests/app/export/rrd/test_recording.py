@@ -24,6 +24,7 @@ from core.errors import CommandError
 from core.recordings import RecordingWriter, open_recording
 from labels.model import Label, LabelState
 from labels.store import LabelStore
+from tests.waiting import PATIENCE_S
 
 SPAN = Span(100_000, 260_000)
 
@@ -39,7 +40,9 @@ def _strict():
 
 
 def rerun(*words: str) -> str:
-    done = subprocess.run([sys.executable, "-m", "rerun", "rrd", *words], capture_output=True, text=True, timeout=300)
+    done = subprocess.run(
+        [sys.executable, "-m", "rerun", "rrd", *words], capture_output=True, text=True, timeout=PATIENCE_S
+    )
     assert done.returncode == 0, done.stderr
     assert "WARN" not in done.stderr and "ERROR" not in done.stderr
     return done.stdout + done.stderr
@@ -78,6 +81,7 @@ def test_everything_that_was_seen_is_in_the_file(exported: Path) -> None:
     assert "recording_time" in rerun("print", "-vv", str(exported))
 
 
+@pytest.mark.gate
 def test_the_command_line_shows_racket_episodes_predictions_and_labels(serve_recording, tmp_path, capsys) -> None:
     source = _recording_of_a_rally(serve_recording, tmp_path / "rally.h5")
     data = ["--data", str(tmp_path / "data")]

@@ -15,6 +15,7 @@ from app.export.rrd.run import export_run, moving_mean
 from core.errors import CommandError
 from core.learning.config import RunConfig
 from core.learning.runs.run_files import create_run, seed_files
+from tests.waiting import PATIENCE_S
 
 
 @pytest.fixture
@@ -74,5 +75,5 @@ def test_a_moving_mean_is_over_what_is_known() -> None:
 
 def _rerun(*words) -> str:
     command = [sys.executable, "-m", "rerun", "rrd", *map(str, words)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=PATIENCE_S)
     return done.stdout + done.stderr

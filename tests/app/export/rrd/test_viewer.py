@@ -1,7 +1,7 @@
 """Streaming to a Rerun viewer: here one that saves what it is sent."""
 
 import threading
-import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -18,10 +18,12 @@ from core.live.link.server import ServerConfig, SimulationServer
 from core.live.ring_recording import RingRecording
 from core.recordings import open_recording
 from tests.app.export.rrd.rerun_viewer import end, entities, free_port, viewer
+from tests.waiting import eventually
 
 SPAN = Span(200_000, 300_000)
 
 
+@pytest.mark.gate
 def test_a_viewer_is_sent_what_the_file_would_hold(serve_recording: Path, tmp_path: Path) -> None:
     with open_recording(serve_recording) as recording:
         export_rrd(recording, tmp_path / "file.rrd", SPAN, RrdContents(), groups=recording.read_rows)
@@ -33,7 +35,7 @@ def test_a_viewer_is_sent_what_the_file_would_hold(serve_recording: Path, tmp_pa
             )  # fmt: skip
             expected = entities(tmp_path / "file.rrd")
             assert {"world/ball/triangulated", "world/cameras/left/picture", "plots/event_rate/left"} <= expected
-            wait(lambda: entities(tmp_path / "seen.rrd") >= expected)  # the viewer writes at its leisure
+            eventually(lambda: entities(tmp_path / "seen.rrd") >= expected, "the viewer to write all")  # at its leisure
     assert entities(tmp_path / "seen.rrd") == expected and shares[-1] == 1.0
 
 
@@ -60,13 +62,19 @@ def test_a_live_rally_is_sent_until_somebody_stops_it_or_the_viewer_is_lost(tmp_
         contents = RrdContents(stride_us=20_000, stages=False)
         with viewer(tmp_path / "live.rrd") as (address, process):
             until_us = ring.duration_us + 4 * LIVE_PART_US
-            stopper = threading.Thread(target=set_when, args=(enough, lambda: ring.duration_us > until_us))
+            until = lambda: ring.duration_us > until_us  # noqa: E731
+            stopper = threading.Thread(target=set_when, args=(enough, until, "four parts of the rally"))
             stopper.start()
             with pytest.raises(ExportCancelledError):
                 stream_live(ring, address, contents, name="live", cancelled=enough.is_set)
             stopper.join()
             lost_us = ring.duration_us + 2 * LIVE_PART_US
-            killer = threading.Thread(target=lambda: (wait(lambda: ring.duration_us > lost_us), end(process)))
+
+            def end_later() -> None:
+                eventually(lambda: ring.duration_us > lost_us, "two more parts")
+                end(process)
+
+            killer = threading.Thread(target=end_later)
             killer.start()
             with pytest.raises(CommandError, match="the Rerun viewer is lost") as caught:
                 stream_live(ring, address, contents, name="live")
@@ -82,13 +90,6 @@ def test_a_live_rally_is_sent_until_somebody_stops_it_or_the_viewer_is_lost(tmp_
         thread.join()
 
 
-def wait(true) -> None:
-    until_s = time.monotonic() + 300
-    while not true():
-        assert time.monotonic() < until_s, "it did not happen in time"
-        time.sleep(0.02)
-
-
-def set_when(event: threading.Event, true) -> None:
-    wait(true)
+def set_when(event: threading.Event, condition: Callable[[], object], what: str) -> None:
+    eventually(condition, what)
     event.set()

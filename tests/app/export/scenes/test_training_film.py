@@ -33,6 +33,7 @@ from core.learning.config import default_run
 from core.learning.runs.run_files import create_run, read_run, seed_files
 from core.learning.runs.running import run_training
 from core.physics.episode import Case
+from tests.waiting import PATIENCE_S
 
 
 @pytest.fixture(scope="module")
@@ -118,9 +119,10 @@ def test_what_cannot_be_filmed_is_said(run: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "a.mp4").exists()
 
 
+@pytest.mark.gate
 def test_the_command_line_makes_it_too(run: Path, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "app.cli", "export", str(run), "--mp4", str(tmp_path / "b.mp4"), "--seed", "1"]
-    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.returncode == 0, done.stderr
     with av.open(str(tmp_path / "b.mp4")) as film:
         assert film.streams.video[0].frames > 60

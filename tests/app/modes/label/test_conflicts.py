@@ -23,6 +23,7 @@ from labels.model import Label, LabelState, PositionSource
 from labels.store import LabelStore, Layer
 from labels.store_contents import read_store
 from labels.store_registry import LabelStoreRegistry
+from tests.waiting import eventually
 
 AT_US = (10_000, 12_000, 14_000, 16_000)
 
@@ -76,17 +77,19 @@ class Desk:
         self.pool.shutdown()
         self.recording.close()
 
-    def wait(self, condition: Callable[[], object], timeout_s: float = 60.0) -> None:
-        deadline = time.monotonic() + timeout_s
-        while True:
+    def wait(self, condition: Callable[[], object]) -> None:
+        """Run the loop until the condition holds, and nothing is waiting."""
+
+        def turn() -> bool:
             while not self._inbox.empty():
                 self._inbox.get()()
             if condition() and not self.editor.writer.waiting and self._inbox.empty():
-                return
-            assert time.monotonic() < deadline, (self.counts, self.comparer.problem, self.errors)
+                return True
             self.editor.look_again(time.monotonic())
             self.comparer.tick(time.monotonic())
-            time.sleep(0.005)
+            return False
+
+        eventually(turn, "what the annotator is to see", lambda: (self.counts, self.comparer.problem, self.errors))
 
     def choose(self, title: str) -> None:
         self.wait(lambda: title in self.comparer.offered)

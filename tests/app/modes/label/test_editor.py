@@ -30,6 +30,7 @@ from labels.formats.exchange import picture_name
 from labels.model import LabelState, PositionSource
 from labels.store import LabelStore, Layer, find_layers
 from labels.store_registry import LabelStoreRegistry
+from tests.waiting import eventually
 
 BALL_US = 300_000
 DETECTOR = SavedDetector("refined", refined_config())
@@ -73,16 +74,15 @@ class Bench:
         self.pool.shutdown()
         self.recording.close()
 
-    def wait(self, condition: Callable[[], object] | None = None, timeout_s: float = 60.0) -> None:
+    def wait(self, condition: Callable[[], object] | None = None) -> None:
         """Run the loop until the condition holds, or until nothing is waiting."""
-        deadline = time.monotonic() + timeout_s
-        while True:
+
+        def turn() -> bool:
             while not self._inbox.empty():
                 self._inbox.get()()
-            if (condition or (lambda: not self.editor.writer.waiting))() and self._inbox.empty():
-                return
-            assert time.monotonic() < deadline
-            time.sleep(0.005)
+            return bool((condition or (lambda: not self.editor.writer.waiting))()) and self._inbox.empty()
+
+        eventually(turn, "what the annotator is to see", lambda: (self.notes, self.errors))
 
     def scene(self) -> LabelScene:
         return LabelScene(self.work)
@@ -343,6 +343,7 @@ def test_a_segment_is_accepted_as_one_step(bench: Bench) -> None:
     assert not bench.work.here.labels
 
 
+@pytest.mark.gate
 def test_a_whole_flight_is_accepted_in_both_cameras_and_leads_to_what_is_doubted(bench: Bench) -> None:
     propose(bench, BALL_US)
     bench.wait(lambda: bench.suggestions.share is None)  # it would put its own proposal over the wrong one
@@ -539,6 +540,7 @@ def test_labels_in_two_cameras_propose_the_ball_in_the_others_and_one_key_accept
     assert labelled_in(four, BALL_US) == set(FOUR) - {four.work.view.camera}, "undo is of this camera"
 
 
+@pytest.mark.gate
 def test_what_follows_from_the_labels_is_shown_before_it_is_accepted_and_can_be_rejected(four: Bench) -> None:
     propose(four, BALL_US)
     four.wait(lambda: four.suggestions.share is None)

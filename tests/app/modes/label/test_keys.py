@@ -1,8 +1,7 @@
 """The keys of Label, and those that come before the picture or the proposals that they judge."""
 
 import shutil
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -17,6 +16,7 @@ from app.shared.library import Library
 from app.shared.workspace import Workspace
 from app.state.commands import Seek
 from benchmarks.app.bare_browser import BareBrowser
+from tests.waiting import PATIENCE_S, eventually
 
 
 def test_no_key_is_taken_twice_moves_the_camera_or_chooses_a_mode() -> None:
@@ -41,16 +41,15 @@ class Hand:
 
     def __init__(self, lab: App) -> None:
         self._browser = BareBrowser(lab.port)
-        session = self._browser.wait_session(lab)
+        session = self._browser.wait_session(lab, PATIENCE_S)
         session.send(Seek(BALL_US))
-        self._browser.trigger("Mode: Label")
+        self._browser.trigger("Mode: Label", PATIENCE_S)
         mode = session._modes["Label"]
         assert isinstance(mode, LabelMode)
         self.mode = mode
-        self.wait(lambda: mode._editor is not None)
+        eventually(lambda: mode._editor is not None, "the editor")
         session.later(lambda: mode._use_name("hand"))
-        self.wait(lambda: self.work.view.annotator == "hand" and self.work.on_screen and "right" in self.work.saved)
-        self.wait(lambda: self.work.step_us == DEFAULT_STEP_US)  # of Label, once the session has taken it over
+        eventually(self._is_ready, "its name, the picture, the labels and the step of Label")
 
     @property
     def editor(self) -> LabelEditor:
@@ -61,17 +60,16 @@ class Hand:
     def work(self) -> Labelling:
         return self.editor.labelling
 
+    def _is_ready(self) -> bool:
+        work = self.work
+        named = work.view.annotator == "hand" and work.on_screen and "right" in work.saved
+        return named and work.step_us == DEFAULT_STEP_US  # of Label, once the session has taken it over
+
     def keys(self, *names: str) -> None:
         """By the names of their acts."""
         texts = {name: text for _, _, name, text in KEYS}
         for name in names:
-            self._browser.trigger(f"Label: {texts[name]}")
-
-    def wait(self, condition: Callable[[], object], timeout_s: float = 60.0) -> None:
-        deadline = time.monotonic() + timeout_s
-        while not condition():
-            assert time.monotonic() < deadline
-            time.sleep(0.01)
+            self._browser.trigger(f"Label: {texts[name]}", PATIENCE_S)
 
     def close(self) -> None:
         self._browser.close()
@@ -90,24 +88,26 @@ def hand(tmp_path: Path, serve_recording: Path) -> Iterator[Hand]:
 
 def test_segments_are_accepted_though_enter_comes_before_proposals_and_pictures(hand: Hand) -> None:
     hand.keys("propose", "accept_segment")
-    hand.wait(lambda: len(hand.work.works["left"].labels) > 10)
+    eventually(lambda: len(hand.work.works["left"].labels) > 10, "labels of the left camera")
     hand.keys("camera", "previous", "previous", "accept_segment", "ten_back", "ten_back")
-    hand.wait(lambda: len(hand.work.works["right"].labels) > 10)
+    eventually(lambda: len(hand.work.works["right"].labels) > 10, "labels of the right camera")
     labels = sorted(hand.work.works["right"].labels)
-    hand.wait(lambda: hand.work.t_us == labels[-1] + 2000 - 20 * 2000)  # what was pressed after Enter was done after it
+    there_us = labels[-1] + 2000 - 20 * 2000  # what was pressed after Enter was done after it
+    eventually(lambda: hand.work.t_us == there_us, "all keys to be done", lambda: hand.work.t_us)
 
 
 def test_undo_takes_back_a_segment_that_had_to_wait(hand: Hand) -> None:
     hand.keys("propose", "accept_segment", "undo")
-    hand.wait(lambda: "left" in hand.work.saved and hand.work.saved["left"].can_redo)
+    eventually(lambda: "left" in hand.work.saved and hand.work.saved["left"].can_redo, "undo")
     assert not hand.work.here.labels
     hand.keys("redo")
-    hand.wait(lambda: len(hand.work.here.labels) > 10)
+    eventually(lambda: len(hand.work.here.labels) > 10, "labels")
 
 
 def test_escape_forgets_what_waits(hand: Hand) -> None:
     hand.keys("propose", "accept_segment", "escape", "next")
-    hand.wait(lambda: hand.work.here.proposals is not None and hand.work.on_screen and not hand.editor.writer.waiting)
+    shown = lambda: hand.work.here.proposals is not None and hand.work.on_screen  # noqa: E731
+    eventually(lambda: shown() and not hand.editor.writer.waiting, "the proposals to be shown")
     assert hand.work.t_us == BALL_US + 2000 and not hand.work.here.labels
 
 

@@ -1,6 +1,5 @@
 """Runs on disk, made by the real training code, and a trainer whose process is always ended."""
 
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from app.shared.workspace import Workspace
 from core.learning.config import RunConfig
 from core.learning.runs.run_files import create_run
 from tests.app.modes.train.small_runs import small_run
+from tests.waiting import eventually
 
 
 def train_here(run: Path, config: RunConfig) -> None:
@@ -35,20 +35,7 @@ def trainer(tmp_path: Path) -> Iterator[Trainer]:
     trainer = Trainer(Workspace(tmp_path / "workspace"))
     yield trainer
     trainer.ask("stop")
-    wait_until(lambda: trainer.active() is None, "the training to end")
-
-
-def wait_until(condition: Callable[[], object], what: str, timeout_s: float = 60.0) -> None:
-    """Return once the condition holds."""
-    deadline = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < deadline, f"waited in vain for {what}"
-        time.sleep(0.05)
-
-
-@pytest.fixture(name="wait_until")
-def _wait_until() -> Callable:
-    return wait_until
+    eventually(lambda: trainer.active() is None, "the training to end")
 
 
 @pytest.fixture

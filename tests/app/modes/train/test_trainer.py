@@ -2,7 +2,6 @@
 
 import os
 import signal
-from collections.abc import Callable
 
 import pytest
 
@@ -12,24 +11,25 @@ from app.shared.workspace import Workspace
 from core.errors import RallyscopeError
 from core.learning.runs.run_files import read_lines, seed_files
 from tests.app.modes.train.small_runs import small_run
+from tests.waiting import eventually
 
 SLOW = 20.0
 PLAN = small_run(episodes=(60,))
 
 
-def test_a_run_goes_to_its_end_at_the_pace_that_is_asked_for(trainer: Trainer, wait_until, state_of) -> None:
+def test_a_run_goes_to_its_end_at_the_pace_that_is_asked_for(trainer: Trainer, state_of) -> None:
     assert trainer.start("One Run", PLAN, 2.0) == "one-run"
     assert state_of(trainer, "one-run").phase == "starting"
     with pytest.raises(RallyscopeError, match="one training at a time"):
         trainer.start("another", PLAN, None)
     with pytest.raises(RallyscopeError, match="one training at a time"):
         trainer.resume("one-run")
-    wait_until(lambda: state_of(trainer, "one-run").phase == "running", "it to run")
+    eventually(lambda: state_of(trainer, "one-run").phase == "running", "it to run")
     trainer.ask("pause")
-    wait_until(lambda: state_of(trainer, "one-run").phase == "paused", "it to pause")
+    eventually(lambda: state_of(trainer, "one-run").phase == "paused", "it to pause")
     trainer.set_pace(None)
     trainer.ask("run")
-    wait_until(lambda: state_of(trainer, "one-run").phase == "finished", "it to finish")
+    eventually(lambda: state_of(trainer, "one-run").phase == "finished", "it to finish")
     state = state_of(trainer, "one-run")
     assert state.status is not None and state.status.share == 1.0 and not state.resumable
     assert read_log_tail(trainer._workspace.run_path("one-run"))[0].endswith("started")
@@ -40,48 +40,49 @@ def test_a_run_goes_to_its_end_at_the_pace_that_is_asked_for(trainer: Trainer, w
 
 
 def test_a_killed_training_is_reported_and_goes_on_to_the_same_end(
-    trainer: Trainer, trained: Workspace, wait_until, state_of
+    trainer: Trainer, trained: Workspace, state_of
 ) -> None:
     config = small_run(episodes=(40,))
     trainer.start("killed", config, 5.0)  # two checkpoints are far from its end
     run = trainer._workspace.run_path("killed")
     reader = MetricsReader(run, 0)
-    wait_until(lambda: len(reader.read().evaluations) >= 2, "two checkpoints")
+    eventually(lambda: len(reader.read().evaluations) >= 2, "two checkpoints")
     state = state_of(trainer, "killed")
     assert state.status is not None
     os.kill(state.status.pid, signal.SIGKILL)
-    wait_until(lambda: state_of(trainer, "killed").phase == "failed", "the end to be noticed")
+    eventually(lambda: state_of(trainer, "killed").phase == "failed", "the end to be noticed")
     assert "SIGKILL" in state_of(trainer, "killed").message
     trainer.resume("killed")
     trainer.set_pace(None)
-    wait_until(lambda: state_of(trainer, "killed").phase == "finished", "it to finish")
+    eventually(lambda: state_of(trainer, "killed").phase == "finished", "it to finish")
     whole = read_lines(seed_files(trained.run_path("small"), 0).metrics)[0]
     assert read_lines(seed_files(run, 0).metrics)[0] == whole
 
 
-def test_another_app_finds_the_training_and_can_stop_it(trainer: Trainer, wait_until: Callable, state_of) -> None:
+def test_another_app_finds_the_training_and_can_stop_it(trainer: Trainer, state_of) -> None:
     trainer.start("found", small_run(episodes=(2000,)), SLOW)
-    wait_until(lambda: state_of(trainer, "found").phase == "running", "it to run")
+    eventually(lambda: state_of(trainer, "found").phase == "running", "it to run")
     other = Trainer(trainer._workspace)
     active = other.active()
     assert active is not None and active.name == "found" and active.phase == "running"
     with pytest.raises(RallyscopeError, match="one training at a time"):
         other.start("second", PLAN, None)
     other.ask("stop")
-    wait_until(lambda: state_of(other, "found").phase == "stopped", "it to stop")
+    eventually(lambda: state_of(other, "found").phase == "stopped", "it to stop")
     assert state_of(other, "found").resumable
-    wait_until(lambda: state_of(trainer, "found").phase == "stopped", "the first app to notice")
+    eventually(lambda: state_of(trainer, "found").phase == "stopped", "the first app to notice")
 
 
-def test_a_stop_while_the_process_is_only_starting_is_not_lost(trainer: Trainer, wait_until, state_of) -> None:
+@pytest.mark.gate
+def test_a_stop_while_the_process_is_only_starting_is_not_lost(trainer: Trainer, state_of) -> None:
     trainer.start("early", small_run(episodes=(2000,)), SLOW)
     trainer.ask("stop")
     assert state_of(trainer, "early").phase == "stopping"
-    wait_until(lambda: not state_of(trainer, "early").active, "it to stop")
+    eventually(lambda: not state_of(trainer, "early").active, "it to stop")
     assert state_of(trainer, "early").phase == "stopped"
 
 
-def test_a_training_that_cannot_go_on_says_why(trainer: Trainer, wait_until, state_of) -> None:
+def test_a_training_that_cannot_go_on_says_why(trainer: Trainer, state_of) -> None:
     workspace = trainer._workspace
     from core.learning.runs.run_files import create_run
 
@@ -90,7 +91,7 @@ def test_a_training_that_cannot_go_on_says_why(trainer: Trainer, wait_until, sta
     seed_files(run, 0).folder.mkdir()
     seed_files(run, 0).checkpoint.write_bytes(b"nothing of ours")
     trainer.resume("broken")
-    wait_until(lambda: state_of(trainer, "broken").phase == "failed", "it to fail")
+    eventually(lambda: state_of(trainer, "broken").phase == "failed", "it to fail")
     message = state_of(trainer, "broken").message
     assert "not a checkpoint" in message and "\n" not in message
     assert any("not a checkpoint" in line for line in read_log_tail(run))

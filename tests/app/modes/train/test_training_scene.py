@@ -1,6 +1,5 @@
 """Which ball plays when, and by whom."""
 
-import time
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -9,6 +8,7 @@ from app.modes.train.training_scene import BallOrder, RallyPlayer, RallyRequest,
 from app.shared.rallies import run_choices
 from app.shared.workspace import Workspace
 from core.learning.runs.run_files import read_lines, read_run, seed_files
+from tests.waiting import eventually
 
 
 @pytest.fixture(scope="module")
@@ -53,10 +53,7 @@ def test_balls_follow_each_other(trained: Workspace, lines) -> None:
             wall_s = tick / 50
             player.advance(wall_s, run, config, 0, lines[:3] if tick < 200 else lines)
             if not todo and player._asked is not None:
-                deadline = time.monotonic() + 30
-                while not todo and time.monotonic() < deadline:
-                    time.sleep(0.01)
-            time.sleep(0.002)
+                eventually(lambda: todo, "the ball that was asked for")
             while todo:
                 todo.pop(0)()
             if player.replay is not None and (not seen or seen[-1] is not player.replay):

@@ -44,6 +44,7 @@ def request_(serve_recording: Path, tmp_path: Path) -> AutoTuneRequest:
     )
 
 
+@pytest.mark.gate
 def test_what_it_finds_comes_back_with_its_figures(request_: AutoTuneRequest) -> None:
     shares: list[float] = []
     lines: list[str] = []

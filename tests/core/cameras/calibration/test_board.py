@@ -9,6 +9,7 @@ from core.events import SensorSize
 from core.geometry import make_transform
 from tests.board_painter import BoardPainter
 
+pytestmark = pytest.mark.numeric
 CAMERA = Camera(
     SensorSize(400, 300),
     np.array([[350.0, 0, 202.0], [0, 352.0, 148.0], [0, 0, 1]]),

@@ -14,6 +14,7 @@ from core.cameras.calibration.coverage import cells_of
 from core.events import SensorSize
 from core.geometry import make_transform, transform_points
 
+pytestmark = pytest.mark.numeric
 BOARD = Board("dots", 5, 7, 0.03)
 CAMERA = Camera(
     SensorSize(400, 300),

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from core.cameras import StereoRig, stereo_preset
 from core.cameras.calibration.bundle import (
@@ -11,6 +12,7 @@ from core.cameras.calibration.bundle import (
     residuals_px,
 )
 
+pytestmark = pytest.mark.numeric
 CAMERAS = stereo_preset("side")
 RIG = Rig(
     np.stack([camera.T_world_camera[:3, :3] for camera in CAMERAS.values()]),

@@ -5,6 +5,7 @@ from scipy.spatial.transform import Rotation
 from core.cameras.calibration.free_fall import find_arcs, measure_gravity
 from core.errors import CalibrationError
 
+pytestmark = pytest.mark.numeric
 INFORMATION = np.eye(3) / 0.002**2
 
 

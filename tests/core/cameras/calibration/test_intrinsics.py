@@ -9,6 +9,7 @@ from core.cameras.calibration.coverage import coverage
 from core.errors import CalibrationError, ConfigError
 from core.events import SensorSize
 
+pytestmark = pytest.mark.numeric
 BOARD = Board("dots", 6, 8, 0.03)
 LENS = np.array([-0.15, 0.05, 0.0008, -0.0005, 0.0])
 CAMERA = Camera(SensorSize(640, 480), np.array([[520.0, 0, 322.3], [0, 523.0, 236.1], [0, 0, 1]]), LENS, np.eye(4))
@@ -34,6 +35,7 @@ def test_without_noise_the_lens_is_found_exactly() -> None:
     assert lens.rms_px < 0.001 and lens.rejected == ()
 
 
+@pytest.mark.gate
 def test_errors_are_as_large_as_the_standard_deviations_say() -> None:
     names = ("fx", "fy", "cx", "cy")
     true = np.array([520.0, 523.0, 322.3, 236.1])

@@ -9,6 +9,7 @@ from core.cameras.calibration.lens_file import save_lens
 from core.errors import CalibrationError
 from core.events import SensorSize
 
+pytestmark = pytest.mark.numeric
 CAMERA = Camera(
     SensorSize(640, 480),
     np.array([[520.5, 0, 322.3], [0, 523.25, 236.1], [0, 0, 1]]),

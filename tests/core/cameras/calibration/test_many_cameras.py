@@ -29,6 +29,7 @@ from core.cameras.calibration.rig import RigConfig
 from core.cameras.calibration.scale import Scale
 from core.errors import CalibrationError
 
+pytestmark = pytest.mark.numeric
 CAMERAS = ring(4)
 BALL = np.zeros((1, 3))
 QUICK = RigConfig(max_offset_ms=3.0, instants=300)
@@ -148,6 +149,7 @@ def test_a_table_of_points_is_read_and_what_is_none_is_refused(tmp_path: Path) -
 
 
 @pytest.mark.skipif(not MULTIVIEW.is_dir(), reason=f"the public wand is not in {MULTIVIEW}")
+@pytest.mark.gate
 def test_a_public_wand_before_four_real_cameras() -> None:
     rows = {row["case"]: row for row in multiview_rows(MULTIVIEW)}
     fitted = rows["clocks fitted"]

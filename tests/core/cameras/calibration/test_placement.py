@@ -7,6 +7,8 @@ from core.cameras.calibration.scale import Scale, ScaleFound
 from core.errors import CalibrationError
 from core.geometry import look_at
 
+pytestmark = pytest.mark.numeric
+
 
 def adjusted() -> Adjusted:
     """The second camera 1 to the right of the first, its position uncertain by 0.01 along x of the first."""

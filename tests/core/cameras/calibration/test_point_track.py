@@ -13,6 +13,8 @@ from core.cameras.calibration.point_track import (
 )
 from core.errors import CalibrationError
 
+pytestmark = pytest.mark.numeric
+
 
 def line(count: int = 50, step_us: int = 2000) -> PointTrack:
     t_us = np.arange(count) * step_us

@@ -6,6 +6,7 @@ from core.cameras.calibration.relative_pose import guess_relative_pose, sampson_
 from core.errors import CalibrationError
 from core.geometry import invert_transform
 
+pytestmark = pytest.mark.numeric
 LEFT, RIGHT = stereo_preset("side").values()
 T_LEFT_RIGHT = invert_transform(LEFT.T_world_camera) @ RIGHT.T_world_camera
 

@@ -1,9 +1,12 @@
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
+import pytest
 
 from core.cameras.calibration.residual_picture import ResidualPanel, residual_svg
 from core.events import SensorSize
+
+pytestmark = pytest.mark.numeric
 
 
 def panel(name: str, count: int, out: int = 0) -> ResidualPanel:

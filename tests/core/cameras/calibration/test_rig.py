@@ -15,6 +15,7 @@ from core.errors import CalibrationError
 from core.geometry import invert_transform, look_at
 from core.simulation.flights import LaunchConfig, draw_serve_series
 
+pytestmark = pytest.mark.numeric
 CAMERAS = stereo_preset("side")
 LENSES = {name: replace(camera, T_world_camera=np.eye(4)) for name, camera in CAMERAS.items()}
 QUICK = RigConfig(max_offset_ms=3.0, instants=300)

@@ -8,6 +8,7 @@ from core.cameras.calibration.bundle import Adjusted, Rig, Sightings
 from core.cameras.calibration.scale import Scale, ScaleFound, measure_scale
 from core.errors import CalibrationError
 
+pytestmark = pytest.mark.numeric
 CAMERAS = stereo_preset("side")
 FOCALS = np.array([1000.0, 1000.0])
 HALF = 0.5

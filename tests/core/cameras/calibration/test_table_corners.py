@@ -7,6 +7,7 @@ from core.cameras import stereo_preset
 from core.cameras.calibration.table_corners import CORNERS, Clicks, pose_from_clicks, read_clicks
 from core.errors import CalibrationError
 
+pytestmark = pytest.mark.numeric
 CAMERA = stereo_preset("behind")["left"]
 
 

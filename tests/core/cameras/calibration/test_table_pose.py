@@ -12,6 +12,7 @@ from core.cameras.calibration.table_pose import clicks_of, find_table_pose
 from core.cameras.epipolar import EpipolarPair
 from core.errors import CalibrationError
 
+pytestmark = pytest.mark.numeric
 PAIR = stereo_preset("behind")
 LENSES = {name: replace(camera, T_world_camera=np.eye(4)) for name, camera in PAIR.items()}
 

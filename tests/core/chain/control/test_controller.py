@@ -16,6 +16,7 @@ from core.simulation.episodes import draw_serves, fly_serves, return_balls
 from core.simulation.episodes.racket import RacketConfig, check_target
 from core.table import BALL_RADIUS_M, NET_HEIGHT_M
 
+pytestmark = pytest.mark.numeric
 BALLS = 60
 TARGETS_M = np.random.default_rng(1).uniform((0.45, -0.45), (1.10, 0.45), (BALLS, 2))
 

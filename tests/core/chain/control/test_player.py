@@ -12,6 +12,8 @@ from core.detection.window import windows_between
 from core.events import Events, Window
 from core.recordings import open_recording
 
+pytestmark = pytest.mark.numeric
+
 
 @pytest.fixture(scope="module")
 def followed(serve_recording: Path) -> tuple[Player, list[PlayerState]]:

@@ -17,6 +17,7 @@ from core.physics import TaskConfig, physics_profile
 from core.physics.episode import strokes_from_actions
 from core.physics.rotation import base_orientation
 
+pytestmark = pytest.mark.numeric
 FACE_UP_DEG = -4.0
 STATE = np.array([-1.42, 0.1, 0.25, -4.1, 0.2, 0.8])
 
@@ -79,6 +80,7 @@ def test_a_policy_keeps_to_what_it_was_trained_with() -> None:
     assert controller.for_physics(physics_profile("real")) is controller
 
 
+@pytest.mark.gate
 def test_a_run_folder_plays_balls_through_perception(tmp_path: Path) -> None:
     run = tmp_path / "open-face"
     create_run(run, RunConfig())

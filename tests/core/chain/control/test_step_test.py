@@ -9,6 +9,8 @@ from core.chain.control.step_test import RacketStep, command_latency
 from core.errors import ConfigError
 from core.physics.task import TaskConfig
 
+pytestmark = pytest.mark.numeric
+
 
 def step(late_s: float, *, noise_m: float = 0.0, seed: int = 0) -> RacketStep:
     """A smooth motion of 5 cm that was to take a quarter of a second, reported every 2 ms."""

@@ -16,6 +16,7 @@ from core.metrics.run import run_detector
 from core.recordings import open_recording
 from core.simulation import LaunchConfig, SensorConfig, StereoConfig, scene_named, simulate_recording
 
+pytestmark = pytest.mark.numeric
 SENSOR = SensorSize(320, 240)
 WINDOW_US = ebpp_config().window.window_us
 

@@ -7,6 +7,7 @@ from core.detection.ebpp import find_circles
 from core.detection.ebpp_config import EbppConfig
 from core.detection.stages.roi import Roi
 
+pytestmark = pytest.mark.numeric
 CONFIG = EbppConfig()
 
 

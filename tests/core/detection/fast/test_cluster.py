@@ -6,6 +6,8 @@ from core.detection.stages.cluster import ClusterConfig, cluster_labels
 from core.events import Events, SensorSize
 from tests.core.detection.fast.exactness import compare_labels
 
+pytestmark = pytest.mark.numeric
+
 
 def test_labels_are_array_equal_to_scikit_learns_on_random_sets() -> None:
     assert compare_labels(200, np.random.default_rng(7)) == 0

@@ -13,6 +13,8 @@ from core.detection import (
 from core.events import SensorSize
 from tests.core.detection.fast.exactness import compare_detectors, compare_random
 
+pytestmark = pytest.mark.numeric
+
 
 def with_all_stages():
     config = replace_setting(auto_config(), ("hot_pixels", "enabled"), True)

@@ -1,8 +1,11 @@
 import numpy as np
+import pytest
 
 from core.detection import Detection, ReferenceDetector
 from core.events import Events, SensorSize, Window
 from tests.core.detection.fast.exactness import WINDOW_US, compare_detectors, random_config, random_windows
+
+pytestmark = pytest.mark.numeric
 
 
 class Says:

@@ -6,6 +6,8 @@ from core.detection.fast.kernels import area_and_perimeter, circle_of_hull, hull
 from core.detection.stages.geometry import measure_shape
 from core.detection.stages.localise import enclosing_circle
 
+pytestmark = pytest.mark.numeric
+
 
 def hull_of(xy: np.ndarray) -> np.ndarray:
     first, last = np.full(400, 1 << 30), np.full(400, -1)

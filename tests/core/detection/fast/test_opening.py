@@ -8,6 +8,8 @@ from core.detection.fast.kernels import _survivors
 from core.detection.stages.denoise import DenoiseConfig
 from core.events import SensorSize
 
+pytestmark = pytest.mark.numeric
+
 
 def opened_by_events(picture: np.ndarray, kernel_px: int) -> np.ndarray:
     height, width = picture.shape

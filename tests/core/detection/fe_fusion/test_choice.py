@@ -4,6 +4,7 @@ import pytest
 from core.detection.fe_fusion import Clusters, possible_balls
 from core.detection.fe_fusion_config import FeFusionConfig
 
+pytestmark = pytest.mark.numeric
 CONFIG = FeFusionConfig(size_min=30, radius_min_px=3.0, radius_max_px=15.0, elongation_max=2.0)
 
 

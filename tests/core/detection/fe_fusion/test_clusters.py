@@ -6,6 +6,7 @@ from core.detection.fe_fusion import measure_clusters
 from core.detection.stages.cluster import ClusterConfig, cluster_labels
 from core.events import Events, SensorSize
 
+pytestmark = pytest.mark.numeric
 SENSOR = SensorSize(40, 30)
 
 

@@ -6,6 +6,7 @@ import pytest
 from core.detection.refined.ball_fit import start_from_place
 from core.detection.refined.history import Recent
 
+pytestmark = pytest.mark.numeric
 END_US = 90_000
 BOX = np.array([60.0, 50.0, 40.0, 40.0])
 

@@ -5,6 +5,7 @@ import pytest
 
 from core.detection.refined.circle_fit import EdgePoints, Fit, factorise, fit_circle, solve
 
+pytestmark = pytest.mark.numeric
 TRUE = np.array([101.3, 47.8, 2.1, -0.7, 9.4, 0.0])
 BEND = (0.06, -0.11)
 

@@ -17,6 +17,7 @@ from core.physics.config import physics_profile
 from core.recordings import open_recording
 from core.simulation import LaunchConfig, SensorConfig, StereoConfig, scene_named, simulate_recording
 
+pytestmark = pytest.mark.numeric
 SENSOR = SensorSize(320, 240)
 
 
@@ -58,6 +59,7 @@ def test_what_has_vanished_is_not_seen_any_more(make_scene, make_flight) -> None
     assert max(one.t_us for one in detect(whole)) > 115_000
 
 
+@pytest.mark.gate
 def test_a_dot_that_turns_at_13_px_per_ms_is_followed_on_its_circle(shared_data) -> None:
     stream = next(iter(open_recording(shared_data / "events/rotating_dot_evt2_640x480.raw").cameras.values()))
     answers = run_detector(stream, make_detector("refined", stream.sensor), 1000)

@@ -8,6 +8,7 @@ from core.detection.refined.circle_fit import EdgePoints
 from core.detection.refined.history import Recent
 from core.detection.refined.patch import LookBack, MovingCircle, blank_patch, clear_patch, edge_points, fill_patch
 
+pytestmark = pytest.mark.numeric
 END_US = 50_000
 SPAN = LookBack(END_US, 4.0, 3.0, 0.5)
 BALL = MovingCircle(100.0, 60.0, 2.0, 0.0, 8.0)

@@ -15,6 +15,8 @@ from core.physics.config import physics_profile
 from core.recordings import CameraStream, open_recording
 from core.simulation import SensorConfig, StereoConfig, scene_named, simulate_recording
 
+pytestmark = pytest.mark.numeric
+
 
 def seen_by(photoreceptor_us: float, path: Path) -> tuple[list[RefinedDetection], CameraStream]:
     flight = draw_flight("ball", 40, any_sensor=False)

@@ -10,6 +10,7 @@ from core.detection.refined.patch import MovingCircle
 from core.detection.refined.track import BallTrack, evidence_of, passes
 from core.detection.refined_config import RefinedConfig
 
+pytestmark = pytest.mark.numeric
 CONFIG = RefinedConfig()
 BALL = MovingCircle(100.0, 50.0, 2.0, 0.0, 10.0)
 CLEAN = Quality(0.2, 120.0, 1.0, 1.0, 0.02, 0.1, 0.9, 5.0, 1.0, 0.33)

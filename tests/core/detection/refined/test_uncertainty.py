@@ -1,11 +1,13 @@
 """How sure a fit says it is."""
 
 import numpy as np
+import pytest
 
 from core.detection.refined.ball_fit import Quality
 from core.detection.refined.detector import observed_covariance
 from core.detection.refined.patch import MovingCircle
 
+pytestmark = pytest.mark.numeric
 CLEAN = Quality(0.15, 120.0, 1.0, 1.0, 0.0, 0.1, 0.9, 5.0, 1.0, 0.33)
 FITTED = np.diag([0.01, 0.01, 0.002, 0.002, 0.01, 0.004])
 

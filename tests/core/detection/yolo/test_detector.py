@@ -6,10 +6,16 @@ import math
 import numpy as np
 import pytest
 
+from core.detection.yolo.config import YoloConfig
 from core.detection.yolo.detector import YoloDetector, find_circles
-from core.detection.yolo.weights import SHIPPED, load_weights
+from core.detection.yolo.weights import SHIPPED, YoloWeights, load_weights
 from core.events import CameraFrame, Events, SensorSize, Window
+from core.jobs.control import one_torch_thread
+from core.learning.detector_training.config import DetectorTrainingConfig
+from core.learning.detector_training.pool import TrainingPictures
+from core.learning.detector_training.training import new_state, run_steps
 
+pytestmark = pytest.mark.numeric
 SENSOR = SensorSize(160, 160)
 
 
@@ -26,11 +32,24 @@ def errors_px(weights, pictures) -> np.ndarray:
     return np.array(found)
 
 
-def test_over_fitted_for_some_seconds_it_finds_circles_it_has_not_seen_within_a_pixel(small_yolo, circles) -> None:
+def test_a_trained_network_finds_circles_it_has_not_seen_within_a_pixel(small_yolo, circles) -> None:
     errors = errors_px(small_yolo, circles(40, seed=2))
     assert np.median(errors) < 1.0 and (errors < 8.0).mean() > 0.95
 
 
+def test_some_seconds_of_training_find_circles_where_an_untrained_network_finds_none(circles) -> None:
+    """How far off it then is depends on how the processor rounds: 2 to 3 px in three seeds, each found every disc."""
+    yolo = YoloConfig(input_width_px=320, input_height_px=256, width=0.125)
+    config = DetectorTrainingConfig(yolo=yolo, steps=200, crop_px=128, batch=4, learning_rate=3e-3, warm_up_steps=20)
+    state, unseen = new_state(config, "cpu"), circles(20, seed=2)
+    assert not (errors_px(YoloWeights(state.network.eval(), yolo, None, {}), unseen) < 8.0).any()
+    with one_torch_thread():
+        assert run_steps(state, config, TrainingPictures((circles(40, seed=1),)))
+    assert np.mean(state.losses[-10:]) < 0.6 * np.mean(state.losses[:10])
+    assert (errors_px(YoloWeights(state.network, yolo, None, {}), unseen) < 8.0).mean() > 0.5
+
+
+@pytest.mark.gate
 def test_the_network_that_ships_finds_circles_within_a_pixel(circles) -> None:
     weights = load_weights()
     assert weights.score is not None and weights.score.is_rival and SHIPPED.stat().st_size < 25e6

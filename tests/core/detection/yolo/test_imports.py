@@ -5,6 +5,8 @@ import sys
 
 import pytest
 
+from tests.waiting import PATIENCE_S
+
 
 @pytest.mark.parametrize(
     "modules",
@@ -16,6 +18,6 @@ import pytest
 )
 def test_nothing_that_does_not_use_the_network_loads_it(modules: str) -> None:
     code = f"import {modules}, sys; print(*sys.modules)"
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300)
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=PATIENCE_S)
     loaded = set(ended.stdout.split())
     assert not {"torch", "core.detection.yolo.network", "core.learning.detector_training.training"} & loaded

@@ -21,6 +21,7 @@ from core.learning.evaluation.policy_evaluator import PolicyEvaluator
 from core.learning.runs.training import Training
 from core.learning.task.environment import evaluation_balls
 
+pytestmark = pytest.mark.numeric
 TRUTH = EnvironmentConfig(state_source="truth")
 
 
@@ -38,6 +39,7 @@ def play_all(training: Training) -> list[dict[str, object]]:
 
 
 @pytest.mark.parametrize("agent", ["ddpg", "landing-model"])
+@pytest.mark.gate
 def test_a_training_goes_on_from_any_checkpoint_bit_for_bit(agent: AgentName) -> None:
     config = short_run(agent)
     whole = Training(config, 3)
@@ -63,6 +65,7 @@ def test_the_landing_model_places_balls_after_fifty_episodes() -> None:
 
 
 @pytest.mark.parametrize("extra", [DdpgConfig(), DdpgConfig(twin_critics=True, relabels=1)])
+@pytest.mark.gate
 def test_ddpg_learns_to_return(extra: DdpgConfig) -> None:
     config = RunConfig(
         environment=TRUTH,

@@ -14,6 +14,7 @@ from core.learning.config import DdpgConfig, RunConfig
 from core.learning.task.normalise import normal_observations
 from core.learning.task.reward import Weights
 
+pytestmark = pytest.mark.numeric
 PROGRESS = StageProgress(0, 0.0, Weights(1.0, 0.0))
 TANH_03 = 0.2913126
 

@@ -1,6 +1,7 @@
 """The physics inside the landing model: known landings, and finite numbers where there are none."""
 
 import numpy as np
+import pytest
 import torch
 
 from core.learning.agents.landing_model import (
@@ -14,6 +15,8 @@ from core.learning.agents.landing_model import (
 from core.physics.episode import Arrivals, strokes_from_actions
 from core.physics.task import TaskConfig
 from core.simulation.episodes.closed_form import follow_hits, return_balls
+
+pytestmark = pytest.mark.numeric
 
 
 def outputs_for(velocities: np.ndarray) -> torch.Tensor:

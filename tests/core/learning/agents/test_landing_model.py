@@ -14,6 +14,7 @@ from core.learning.config import LandingModelConfig, RunConfig
 from core.learning.task.reward import Weights
 from core.physics.episode import Case
 
+pytestmark = pytest.mark.numeric
 SCALE = np.array([0.8, 0.5, 0.3])
 CENTRE = np.array([0.7, 0.0, 0.3])
 

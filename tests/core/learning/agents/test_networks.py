@@ -14,6 +14,8 @@ from core.learning.agents.networks import (
     soft_update,
 )
 
+pytestmark = pytest.mark.numeric
+
 
 def test_a_new_network_answers_nearly_zero_and_depends_on_its_seed_alone() -> None:
     before = torch.random.get_rng_state()

@@ -10,6 +10,8 @@ from safetensors.numpy import save_file
 from core.errors import ConfigError
 from core.learning.agents.policy import FORMAT, Policy, read_policy, save_policy
 
+pytestmark = pytest.mark.numeric
+
 
 def a_policy(inputs: int = 8) -> Policy:
     rng = np.random.default_rng(0)

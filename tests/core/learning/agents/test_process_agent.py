@@ -25,6 +25,7 @@ from core.learning.task.environment import ServeBatch, draw_serve_batch, evaluat
 from core.learning.task.reward import Weights
 from core.physics.episode import Outcomes
 
+pytestmark = pytest.mark.numeric
 ENVIRONMENT = EnvironmentConfig(state_source="truth")
 
 

@@ -17,6 +17,7 @@ from core.learning.task.environment import ServeBatch, draw_serve_batch, play, v
 from core.learning.task.reward import Weights
 from core.physics.episode import Outcomes
 
+pytestmark = pytest.mark.numeric
 TRUTH = environment_profile(serves="hard", state_source="truth")
 NOISY = environment_profile(serves="hard", state_source="truth+noise")
 

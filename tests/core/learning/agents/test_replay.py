@@ -6,6 +6,7 @@ import pytest
 from core.learning.agents.replay import COLUMNS, ReplayBuffer, start_stage
 from core.learning.config import CurriculumConfig, ReplayRule
 
+pytestmark = pytest.mark.numeric
 REWARDS = [-1.0, 0.0, 1.0, 0.9, 3.5, -0.2]
 
 

@@ -11,6 +11,7 @@ from core.learning.detector_training import run as detector_run
 from core.learning.detector_training.pool import LabelledPictures, TrainingPictures
 from core.learning.detector_training.run import MATCH_PX, choose_confidence, score_sharp, sharp_frames
 
+pytestmark = pytest.mark.numeric
 ONE = (("ball", "side", 9.0),)
 
 

@@ -12,6 +12,7 @@ from core.learning.detector_training.config import DetectorTrainingConfig
 from core.learning.detector_training.pool import LabelledPictures, TrainingPictures
 from core.learning.detector_training.training import learning_rate, load_state, new_state, run_steps
 
+pytestmark = pytest.mark.numeric
 CONFIG = DetectorTrainingConfig(
     yolo=YoloConfig(input_width_px=128, input_height_px=96, width=0.0625),
     steps=7, batch=2, crop_px=64, warm_up_steps=2, checkpoint_every=3,

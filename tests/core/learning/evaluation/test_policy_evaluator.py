@@ -16,6 +16,7 @@ from core.learning.evaluation.policy_evaluator import (
 )
 from core.learning.runs.summary import spread_of, summarise_scores
 
+pytestmark = pytest.mark.numeric
 TRUTH = EnvironmentConfig(state_source="truth")
 
 

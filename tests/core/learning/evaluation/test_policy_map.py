@@ -12,6 +12,7 @@ from core.learning.evaluation.policy_map import MAP_SEED, map_policy, target_gri
 from core.learning.task.environment import ServeBatch, draw_serve_batch, evaluation_balls, play, validation_balls
 from core.table import TABLE_LENGTH_M, TABLE_WIDTH_M
 
+pytestmark = pytest.mark.numeric
 KNOWN = environment_profile(state_source="truth")
 NOISY = environment_profile(state_source="truth+noise")
 

@@ -3,12 +3,14 @@
 import dataclasses
 
 import numpy as np
+import pytest
 
 from core.learning.config import environment_profile
 from core.learning.evaluation.policy_evaluator import oracle_actions
 from core.learning.evaluation.reachable import reachable, reachable_words
 from core.learning.task.environment import play, validation_balls
 
+pytestmark = pytest.mark.numeric
 REAL = environment_profile("real", state_source="truth")
 PAPER = environment_profile(state_source="truth")
 

@@ -12,6 +12,7 @@ import pytest
 from core.learning.runs.run_files import read_lines, seed_files
 from core.learning.runs.running import run_training
 
+pytestmark = pytest.mark.numeric
 RUNS = Path(__file__).parents[3] / "fixtures" / "runs"
 
 

@@ -13,6 +13,7 @@ from core.learning.runs.training import Training
 from core.learning.task.environment import evaluation_balls
 from core.learning.task.normalise import normal_observations
 
+pytestmark = pytest.mark.numeric
 TRUTH = EnvironmentConfig(state_source="truth")
 
 

@@ -2,9 +2,7 @@
 
 import os
 import signal
-import threading
-import time
-from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +15,7 @@ from core.learning.config import CurriculumConfig, EnvironmentConfig, RunConfig
 from core.learning.runs.control import Control, read_status, write_control
 from core.learning.runs.run_files import create_run, read_lines, seed_files
 from core.learning.runs.running import run_training
+from tests.waiting import eventually
 
 SEEDS = (4, 5, 6)
 CONFIG = RunConfig(
@@ -54,24 +53,20 @@ def run(tmp_path: Path) -> Path:
     return tmp_path / "run"
 
 
-def when(true: Callable[[], object], act: Callable[[], None]) -> threading.Thread:
-    """Do it in a thread as soon as that is so."""
-
-    def wait() -> None:
-        until = time.monotonic() + 300
-        while not true():
-            if time.monotonic() > until:
-                return
-            time.sleep(0.01)
-        act()
-
-    thread = threading.Thread(target=wait)
-    thread.start()
-    return thread
-
-
 def episodes(run: Path, seed: int) -> int:
     return len(read_lines(seed_files(run, seed).metrics)[0])
+
+
+def state_of(run: Path) -> str:
+    status = read_status(run)
+    return "" if status is None else status.state
+
+
+def wait_for_status(run: Path) -> None:
+    """Wait until the pause has been reported once more, or is over."""
+    path = run / "status.json"
+    before_ns = path.stat().st_mtime_ns
+    eventually(lambda: path.stat().st_mtime_ns > before_ns or state_of(run) != "paused", "another status")
 
 
 def test_they_are_the_same_to_the_last_byte(run: Path, in_turn: dict[str, bytes]) -> None:
@@ -83,19 +78,24 @@ def test_they_are_the_same_to_the_last_byte(run: Path, in_turn: dict[str, bytes]
     assert status is not None and (status.state, status.share, status.pid) == ("finished", 1.0, os.getpid())
 
 
+@pytest.mark.gate
 def test_a_worker_that_is_killed_costs_nothing(run: Path, in_turn: dict[str, bytes]) -> None:
     killed: list[int] = []
 
     def kill() -> None:
+        eventually(lambda: min(episodes(run, seed) for seed in SEEDS[:2]) > 25, "two seeds to be trained")
         for child in psutil.Process().children(recursive=True):
             if "resource_tracker" not in " ".join(child.cmdline()):
                 killed.append(child.pid)
                 child.send_signal(signal.SIGKILL)
-                return
+                break
+        write_control(run, Control())
 
-    thread = when(lambda: min(episodes(run, seed) for seed in SEEDS[:2]) > 25, kill)
-    assert run_training(run, engine=TWO) == "finished"
-    thread.join()
+    write_control(run, Control(episodes_per_s=40.0))
+    with ThreadPoolExecutor(1) as aside:
+        killing = aside.submit(kill)
+        assert run_training(run, engine=TWO) == "finished"
+        killing.result()
     assert killed and files_of(run) == in_turn
 
 
@@ -114,23 +114,22 @@ def test_who_is_told_to_stop_saves_and_goes_on_later(run: Path, in_turn: dict[st
 def test_a_pause_holds_all_of_them(run: Path, in_turn: dict[str, bytes]) -> None:
     counts: list[tuple[int, ...]] = []
 
-    def paused() -> bool:
-        status = read_status(run)
-        return status is not None and status.state == "paused"
-
-    def watch() -> None:
-        for _ in range(3):
-            time.sleep(0.5)
+    def pause() -> None:
+        eventually(lambda: episodes(run, SEEDS[1]) > 10, "the second seed to be trained")
+        write_control(run, Control("pause"))
+        eventually(lambda: state_of(run) == "paused", "the pause")
+        # A seed reads of the pause after its episode: until then its lines grow from one status to the next.
+        while len(counts) < 2 or counts[-1] != counts[-2]:
+            wait_for_status(run)
             counts.append(tuple(episodes(run, seed) for seed in SEEDS))
         write_control(run, Control("run"))
 
-    write_control(run, Control("run", episodes_per_s=40.0))
-    pause = when(lambda: episodes(run, SEEDS[1]) > 10, lambda: write_control(run, Control("pause")))
-    watching = when(paused, watch)
-    assert run_training(run, engine=TWO) == "finished"
-    pause.join()
-    watching.join()
-    assert len(counts) == 3 and counts[1] == counts[2] and sum(counts[2]) < len(SEEDS) * CONFIG.episodes
+    write_control(run, Control(episodes_per_s=20.0))
+    with ThreadPoolExecutor(1) as aside:
+        pausing = aside.submit(pause)
+        assert run_training(run, engine=TWO) == "finished"
+        pausing.result()
+    assert counts[-1] == counts[-2] and sum(counts[-1]) < len(SEEDS) * CONFIG.episodes
     assert files_of(run) == in_turn
 
 

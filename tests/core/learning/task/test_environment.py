@@ -14,6 +14,7 @@ from core.learning.gym_environment import OneStepReturn, register_environment
 from core.learning.task.environment import draw_goals, draw_serve_batch, evaluation_balls, play
 from core.physics.episode import Case
 
+pytestmark = pytest.mark.numeric
 TRUTH = EnvironmentConfig(state_source="truth")
 
 

@@ -12,6 +12,7 @@ from core.learning.runs.training import Training
 from core.learning.task.environment import ClosedFormBackend, ServeBatch, evaluation_balls, observe_all, play
 from core.physics.episode import Case, Outcomes
 
+pytestmark = pytest.mark.numeric
 PREDICTED = EnvironmentConfig()
 EVENTS = EnvironmentConfig(state_source="events")
 SHIFT_M = 0.01

@@ -9,6 +9,8 @@ from core.learning.config import EnvironmentConfig, environment_profile
 from core.learning.task.environment import draw_serve_batch, play
 from core.physics.episode import Case
 
+pytestmark = pytest.mark.numeric
+
 
 @pytest.mark.parametrize("speed", [3.0, 5.0, 9.0])
 def test_under_gravity_alone_the_prediction_is_the_truth(speed: float) -> None:

@@ -1,10 +1,13 @@
 """What the networks are given: numbers of the order of one, by constants that every stored policy depends on."""
 
 import numpy as np
+import pytest
 
 from core.learning.config import EnvironmentConfig, environment_profile
 from core.learning.task.environment import draw_serve_batch
 from core.learning.task.normalise import normal_goals, normal_observations, normal_racket_speeds, normal_states
+
+pytestmark = pytest.mark.numeric
 
 
 def test_a_spread_beyond_the_middle_is_one() -> None:

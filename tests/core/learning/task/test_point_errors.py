@@ -8,6 +8,7 @@ from core.learning.task.environment import draw_serve_batch
 from core.learning.task.timed_points import MEASURED, SeenFlight, fit_point_errors
 from core.simulation.episodes.closed_form import sample_serves
 
+pytestmark = pytest.mark.numeric
 TRUTH = EnvironmentConfig(state_source="truth")
 
 

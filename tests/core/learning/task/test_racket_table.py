@@ -9,6 +9,7 @@ from core.learning.agents.policy import Policy
 from core.learning.config import CurriculumConfig, RunConfig
 from core.learning.task.environment import evaluation_balls, racket_table
 
+pytestmark = pytest.mark.numeric
 RUN = RunConfig(curriculum=CurriculumConfig(speeds_mps=(5.0, 3.0, 9.0, 5.0), episodes=(1, 1, 1, 1)))
 
 

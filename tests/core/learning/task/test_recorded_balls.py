@@ -24,6 +24,7 @@ from core.physics.ball_states import KEYS
 from core.physics.task import task_profile
 from core.simulation.episodes import draw_serves
 
+pytestmark = pytest.mark.numeric
 REAL = task_profile("real")
 
 

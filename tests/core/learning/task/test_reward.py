@@ -15,6 +15,7 @@ from core.learning.task.reward import Weights, distance_to_far_half, reward_weig
 from core.physics.episode import Case
 from core.registry import forgotten_afterwards
 
+pytestmark = pytest.mark.numeric
 GOAL = np.array([[0.8, 0.1]])
 
 

@@ -12,6 +12,8 @@ from core.learning.task.normalise import normal_states
 from core.learning.task.perception import state_of
 from core.trajectory import HitPlane
 
+pytestmark = pytest.mark.numeric
+
 
 def spinning(source: StateSource, **changes: object) -> EnvironmentConfig:
     plain = spinning_environment(environment_profile("real", state_source=source))

@@ -11,6 +11,7 @@ from core.learning.task.timed_points import FollowingRacket, observe_in_time, tu
 from core.physics.episode import Case
 from core.simulation.episodes.racket import RacketConfig
 
+pytestmark = pytest.mark.numeric
 TIMED = EnvironmentConfig(state_source="timed")
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 

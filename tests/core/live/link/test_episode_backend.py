@@ -12,6 +12,7 @@ from core.events import SensorSize
 from core.learning.config import environment_profile
 from core.live.link.linked_backend import LinkBackend
 from core.live.link.server import ServerConfig, SimulationServer
+from tests.waiting import PATIENCE_S
 
 
 def test_a_training_for_another_physics_than_the_server_s_is_refused() -> None:
@@ -25,4 +26,4 @@ def test_a_training_for_another_physics_than_the_server_s_is_refused() -> None:
         LinkBackend(environment_profile("paper", state_source="truth"), server.address).close()
     finally:
         ended.set()
-        thread.join()
+        thread.join(PATIENCE_S)

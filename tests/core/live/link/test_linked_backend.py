@@ -15,6 +15,7 @@ from core.learning.task.environment import evaluation_balls, play
 from core.live.link.linked_backend import LinkedBackend
 from core.live.link.server import ServerConfig, SimulationServer
 from core.outcomes.perceived_backend import PerceivedBackend
+from tests.waiting import PATIENCE_S
 
 EVENTS = EnvironmentConfig(state_source="events", outcomes="events")
 
@@ -27,9 +28,10 @@ def server() -> Iterator[SimulationServer]:
     thread.start()
     yield server
     ended.set()
-    thread.join()
+    thread.join(PATIENCE_S)
 
 
+@pytest.mark.gate
 def test_a_stroke_in_a_server_is_judged_by_its_events(server: SimulationServer) -> None:
     backend = PerceivedBackend(EVENTS, LinkedBackend(server.address))
     try:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 
 import pytest
 import zmq
@@ -19,6 +18,7 @@ from core.live.worlds.world import SimulatedWorld, WorldConfig
 from core.physics.task import task_profile
 from core.simulation.episodes.mujoco_rally import MujocoRally
 from core.simulation.episodes.racket import RacketTarget
+from tests.waiting import PATIENCE_S
 
 
 @pytest.mark.parametrize("physics", ["paper", "real"])
@@ -65,7 +65,7 @@ def test_a_server_that_compiles_answers_and_the_client_waits_for_it() -> None:
     answered = threading.Event()
 
     def become_ready() -> None:
-        answered.wait(300)
+        answered.wait(PATIENCE_S)
         responder.stop()
         who, data = commands.recv_multipart()
         number = m.decode(data, m.COMMANDS).id
@@ -83,7 +83,7 @@ def test_a_server_that_compiles_answers_and_the_client_waits_for_it() -> None:
         assert client.welcome.session == "ready"
         assert len(shares) >= 2 and all(0 <= share <= 1 for share in shares)
     finally:
-        thread.join()
+        thread.join(PATIENCE_S)
         client.close()
         context.destroy(linger=0)
 
@@ -97,18 +97,24 @@ def test_a_server_that_listens_but_is_slow_to_answer_is_waited_for() -> None:
     commands = context.socket(zmq.ROUTER)
     port = commands.bind_to_random_port("tcp://127.0.0.1")
 
+    over = threading.Event()
+
     def answer_late() -> None:
-        time.sleep(1.0)
-        while commands.poll(2000):
-            who, data = commands.recv_multipart()
-            commands.send_multipart([who, m.encode(reply(m.decode(data, m.COMMANDS).id))])
+        asked = 0
+        while not over.is_set():
+            if commands.poll(20):
+                who, data = commands.recv_multipart()
+                asked += 1
+                if asked > 3:  # those before have been given up
+                    commands.send_multipart([who, m.encode(reply(m.decode(data, m.COMMANDS).id))])
 
     thread = threading.Thread(target=answer_late)
     thread.start()
     client = SimulationClient(f"tcp://127.0.0.1:{port - 1}", timeout_s=0.2)
     assert client.welcome.session == "ready"
     client.close()
-    thread.join()
+    over.set()
+    thread.join(PATIENCE_S)
     context.destroy(linger=0)
 
 
@@ -133,11 +139,11 @@ def test_commands_to_a_server_that_is_being_prepared_are_refused_in_words() -> N
     ended = threading.Event()
     running = threading.Thread(target=server.run, args=(ended.is_set,))
     running.start()
-    client = SimulationClient(server.address)
+    client = SimulationClient(server.address, timeout_s=PATIENCE_S)
     with pytest.raises(LinkError, match="out of bounds"):
         client.ask(lambda number: m.SetSpeed(id=number, factor=-1.0))
     assert client.serve().ok
     client.close()
     ended.set()
-    running.join()
+    running.join(PATIENCE_S)
     context.destroy(linger=0)

@@ -12,6 +12,7 @@ from core.errors import LinkError
 from core.live.link import messages as m
 from core.live.link.client import SimulationClient
 from core.robot import RobotClient, SourceWithRobot
+from tests.waiting import PATIENCE_S
 
 
 @pytest.fixture(params=[False, True])
@@ -39,7 +40,7 @@ def served(request: pytest.FixtureRequest) -> Iterator[tuple[str, bool]]:
     thread.start()
     yield f"tcp://127.0.0.1:{port}", request.param
     ended.set()
-    thread.join()
+    thread.join(PATIENCE_S)
     context.destroy(linger=0)
 
 

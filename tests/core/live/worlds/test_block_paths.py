@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from core.live.worlds.world import SINK_S, SampledPath, SampledRacket
 
+pytestmark = pytest.mark.numeric
 Array = NDArray[np.float64]
 
 CUBE = np.array([[0.1, -0.2, 0.3], [1.0, 0.5, -2.0], [3.0, -1.0, 4.0], [-5.0, 7.0, 2.0]])

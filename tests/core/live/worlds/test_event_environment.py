@@ -14,6 +14,7 @@ from core.live.worlds.world import WorldConfig
 from core.physics.episode import Case, Outcomes
 from core.simulation import SceneConfig, StereoConfig
 
+pytestmark = pytest.mark.numeric
 EVENTS = EnvironmentConfig(state_source="events")
 STROKES = np.array([[0.0, 0.0, 0.0], [0.3, -0.6, 0.5], [0.0, 0.9, -0.4]])
 
@@ -36,6 +37,7 @@ def played(backend: EventCameraBackend) -> list[tuple[ServeBatch, Outcomes]]:
     return found
 
 
+@pytest.mark.gate
 def test_what_the_cameras_see_is_near_the_truth(played: list[tuple[ServeBatch, Outcomes]]) -> None:
     for ball, _ in played:
         assert ball.seen[0] and ball.aim_t_s is not None

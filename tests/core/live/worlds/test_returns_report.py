@@ -20,6 +20,7 @@ from core.physics.task import task_profile
 from core.simulation.episodes import draw_serves
 from core.simulation.episodes.incoming import Incoming
 
+pytestmark = pytest.mark.numeric
 CONFIG = SimulatedReturnsConfig(task=task_profile("real"))
 
 

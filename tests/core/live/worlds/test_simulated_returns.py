@@ -20,6 +20,7 @@ from core.simulation.episodes import draw_serves
 from core.simulation.episodes.incoming import Incoming
 from core.simulation.episodes.racket import RacketConfig
 
+pytestmark = pytest.mark.numeric
 REAL = task_profile("real")
 CONFIG = SimulatedReturnsConfig(task=REAL)
 

@@ -14,6 +14,7 @@ from core.physics.config import PhysicsConfig, physics_profile
 from core.physics.task import TaskConfig
 from core.trajectory import FilterConfig, FilterPredictor
 
+pytestmark = pytest.mark.numeric
 PAPER, REAL = physics_profile("paper"), replace(physics_profile("real"), rubber=physics_profile("paper").rubber)
 """The same racket: that is one's own."""
 
@@ -38,6 +39,7 @@ def filters_of(config: FilterConfig) -> list[FilterConfig]:
     return [kind for kind, _ in FilterPredictor(config).learned.kinds(config)]
 
 
+@pytest.mark.gate
 def test_chain_and_controller_are_the_same_in_whatever_world_they_play() -> None:
     one, other = (closed_loop(physics, knows_physics=False) for physics in (PAPER, REAL))
     assert one.player.chain.config == other.player.chain.config

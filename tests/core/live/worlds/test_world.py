@@ -1,6 +1,7 @@
 """The simulated world: what the cameras look at may change while it runs."""
 
 import numpy as np
+import pytest
 
 from core.cameras import stereo_preset
 from core.events import SensorSize
@@ -8,6 +9,7 @@ from core.live.worlds.world import SimulatedWorld, WorldConfig
 from core.simulation import SensorConfig, StereoConfig, scene_named
 from core.simulation.sensor.readout import ReadoutCounts
 
+pytestmark = pytest.mark.numeric
 QUIET = StereoConfig(sensor=SensorConfig(noise_hz=0.0, hot_pixels_per_million=0.0))
 
 

@@ -18,6 +18,7 @@ from core.simulation.bodies.actors import (
 from core.simulation.bodies.parts import BANDS, PART_COLUMNS, STRIPES_PER_M, TEXTURE
 from core.table import TABLE_LENGTH_M, TABLE_WIDTH_M
 
+pytestmark = pytest.mark.numeric
 TIMES_S = np.linspace(0.0, CYCLE_S, 4001)
 BLADE = 15
 """The last part of a player."""

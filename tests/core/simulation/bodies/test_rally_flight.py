@@ -10,6 +10,7 @@ from core.simulation.bodies import make_actors
 from core.simulation.bodies.rally_flight import CONTACT_X_M, STROKES, draw_flights
 from core.table import BALL_RADIUS_M, NET_HEIGHT_M, TABLE_LENGTH_M, TABLE_WIDTH_M
 
+pytestmark = pytest.mark.numeric
 RALLY = scene_named("rally")
 
 

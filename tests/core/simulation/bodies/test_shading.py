@@ -12,6 +12,7 @@ from core.simulation.scenes.background import make_background
 from core.simulation.scenes.racket_view import racket_gap
 from core.simulation.scenes.scene import SceneConfig
 
+pytestmark = pytest.mark.numeric
 PARTS = np.array(
     [rod(0.04, 0.07, 0.4), rod(0.05, 0.05, 0.3, texture=0.5, stripes_per_m=11.0, bands=2.0), blade(0.08, 0.05)]
 )

@@ -16,6 +16,7 @@ from core.simulation.event_cameras.event_camera import BLOCK_US, EventCamera
 from core.simulation.flights import BallPath
 from tests.core.simulation.dense_sensor import compare_events, dense_events
 
+pytestmark = pytest.mark.numeric
 QUIET = SensorConfig(noise_hz=0.0, hot_pixels_per_million=0.0, threshold_mismatch=0.0)
 SCENE = SceneConfig()
 

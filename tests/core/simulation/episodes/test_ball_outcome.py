@@ -9,6 +9,8 @@ from core.physics.episode import Case
 from core.physics.task import TaskConfig
 from core.simulation.episodes.ball_outcome import RallyClassifier, RallyEvent, RallyEventKind
 
+pytestmark = pytest.mark.numeric
+
 
 def event(kind: RallyEventKind, x_m: float = -0.8) -> RallyEvent:
     state = np.array([x_m, 0.0, 0.2, 4.0, 0.0, 2.0, 0.0, 0.0, 0.0])

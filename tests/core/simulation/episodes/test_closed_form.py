@@ -18,6 +18,7 @@ from core.simulation.episodes import draw_serves, fly_serves, return_balls, simu
 from core.simulation.episodes.closed_form import sample_serves
 from core.simulation.episodes.episode_path import trace_episode
 
+pytestmark = pytest.mark.numeric
 Array = NDArray[np.float64]
 
 PAPER = task_profile("paper")

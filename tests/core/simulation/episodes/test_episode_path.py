@@ -11,6 +11,8 @@ from core.physics.task import task_profile
 from core.simulation.episodes import draw_serves, simulate_episodes
 from core.simulation.episodes.episode_path import Trajectory, trace_episode
 
+pytestmark = pytest.mark.numeric
+
 
 def random_path(profile: str, seed: int) -> tuple[Trajectory, float]:
     task = task_profile("real" if profile == "real" else "paper")

@@ -19,6 +19,7 @@ from core.simulation.episodes.episode_path import trace_episode
 from core.simulation.episodes.mujoco_rally import MujocoRally, simulate_episodes_mujoco
 from core.simulation.episodes.racket import target_for_ball
 
+pytestmark = pytest.mark.numeric
 PAPER = task_profile("paper")
 REAL = task_profile("real")
 

@@ -21,6 +21,7 @@ from core.simulation.episodes.racket import (
     upright_racket,
 )
 
+pytestmark = pytest.mark.numeric
 CONFIG = RacketConfig()
 HOME_Q = np.array([1.0, 0, 0, 0])
 TILTED = orientations_from_actions([0.0, 0.8, -0.6], StrokeConfig())

@@ -11,6 +11,7 @@ from core.errors import ConfigError
 from core.physics.task import STAGE_SPEEDS_MPS, ServeConfig, TaskConfig, hard_serves, task_profile
 from core.simulation.episodes.closed_form import draw_serves, fly_serves
 
+pytestmark = pytest.mark.numeric
 PAPER = task_profile("paper")
 HARD = dataclasses.replace(PAPER, serve=hard_serves())
 

@@ -12,6 +12,8 @@ from core.simulation.scenes.background import LOG_LIGHT, make_background
 from core.simulation.scenes.block_view import moving_steps
 from tests.core.simulation.dense_sensor import compare_events, dense_events
 
+pytestmark = pytest.mark.numeric
+
 
 def quiet(**settings) -> SensorConfig:
     return SensorConfig(noise_hz=0.0, hot_pixels_per_million=0.0, **settings)

@@ -14,6 +14,7 @@ from core.simulation.scenes.racket_view import RACKET_COLUMNS, RacketPoses, rack
 from core.simulation.scenes.scene import SceneConfig
 from core.simulation.scenes.shading import BALL_COLUMNS, UNTOUCHED, Moving, deep_inside, pixel_light, pixel_seen
 
+pytestmark = pytest.mark.numeric
 SCENE = SceneConfig()
 CAMERA = stereo_preset()["left"]
 NOBODY = np.empty((0, 8))

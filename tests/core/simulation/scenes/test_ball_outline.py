@@ -14,6 +14,7 @@ from core.simulation.scenes.block_view import BALL
 from core.simulation.scenes.scene import SceneConfig
 from core.simulation.scenes.shading import deep_inside, pixel_seen
 
+pytestmark = pytest.mark.numeric
 SCENE = SceneConfig()
 PLAIN = stereo_preset()["left"]
 STRONG_LENS = dataclasses.replace(PLAIN, distortion=np.array([-0.3, 0.1, 0.002, -0.001, 0.0]))

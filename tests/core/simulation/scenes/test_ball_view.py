@@ -20,6 +20,7 @@ from core.simulation.scenes.scene import LIGHT_SIZE, TO_LIGHT_WORLD
 from core.simulation.scenes.shading import INNER_STRIDE
 from core.table import BALL_RADIUS_M, TABLE_HEIGHT_M, TABLE_LENGTH_M, TABLE_WIDTH_M
 
+pytestmark = pytest.mark.numeric
 SCENE = SceneConfig()
 
 

@@ -25,6 +25,7 @@ from core.simulation.scenes.racket_view import (
 from core.simulation.scenes.shading import UNTOUCHED, Moving, pixel_light, pixel_seen
 from tests.dense_picture import render_light
 
+pytestmark = pytest.mark.numeric
 QUIET = SensorConfig(noise_hz=0.0, hot_pixels_per_million=0.0, threshold_mismatch=0.0)
 SCENE = SceneConfig()
 TILTED = np.array([0.9, -0.2, 0.3]) / np.linalg.norm([0.9, -0.2, 0.3])

@@ -3,9 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
+import pytest
 
 from core.jit import njit
 from core.simulation.sensor.pixels import prefetch, uncounted
+
+pytestmark = pytest.mark.numeric
 
 
 class Pair(NamedTuple):

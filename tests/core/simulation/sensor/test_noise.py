@@ -1,12 +1,14 @@
 """Signal and noise in order of time, against a plain sort; hot pixels; who is still refractory."""
 
 import numpy as np
+import pytest
 
 from core.events import SensorSize
 from core.simulation import SensorConfig
 from core.simulation.sensor.pixels import EventBuffer
 from core.simulation.sensor.readout import HotPixels, merge_noise, noise_model
 
+pytestmark = pytest.mark.numeric
 SENSOR = SensorSize(64, 48)
 COUNT = 64 * 48
 QUIET = SensorConfig(noise_hz=0.0, hot_pixels_per_million=0.0)

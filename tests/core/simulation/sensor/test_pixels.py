@@ -7,6 +7,7 @@ from core.simulation import SensorConfig
 from core.simulation.sensor.pixels import EVENT_ON, EVENT_TIME_US, EventBuffer, PixelTiming, ramp_pixel, rest_pixel
 from core.simulation.sensor.sensor import OFF_THRESHOLD, ON_THRESHOLD, TARGET, make_pixels
 
+pytestmark = pytest.mark.numeric
 PLAIN = SensorConfig(threshold_mismatch=0.0, refractory_us=0, photoreceptor_us=0.0)
 
 

@@ -7,6 +7,8 @@ from core.simulation import SceneConfig, SensorConfig
 from core.simulation.event_cameras.event_camera import BLOCK_US, EventCamera
 from core.simulation.sensor.readout import MergedEvents, Readout
 
+pytestmark = pytest.mark.numeric
+
 
 def burst(count: int, t_us: int) -> MergedEvents:
     index = np.arange(count)

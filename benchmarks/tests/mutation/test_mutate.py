@@ -1,7 +1,6 @@
 """The tool on a tiny package: what its tests see is killed, what they do not see lives, what none reaches is told."""
 
 import ast
-import importlib.util
 import json
 import subprocess
 import sys
@@ -11,7 +10,11 @@ from pathlib import Path
 
 import pytest
 
-HERE = Path(__file__).parent
+from benchmarks.mutation.mutants import find_mutants
+from benchmarks.mutation.mutate import AREAS, wilson
+
+ROOT = Path(__file__).parents[3]
+MUTATE = (sys.executable, "-m", "benchmarks.mutation.mutate")
 CODE = """'''Sums.'''
 
 import numpy as np
@@ -63,17 +66,6 @@ def test_count(counted):
 """
 
 
-@pytest.fixture(scope="module")
-def mutants():
-    """The module that finds mutants."""
-    spec = importlib.util.spec_from_file_location("mutants", HERE / "mutants.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["mutants"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.fixture
 def tree(tmp_path: Path) -> Path:
     """A package with a test, an area and a mutant that is accepted."""
@@ -82,8 +74,8 @@ def tree(tmp_path: Path) -> Path:
         "tiny/sums.py": CODE,
         "tests/test_sums.py": TEST,
         "pyproject.toml": "[tool.pytest.ini_options]\naddopts = '--import-mode=importlib'\n",
-        "tests/mutation/areas.toml": "[tiny]\nsources = ['tiny']\ntests = ['tests']\n",
-        "tests/mutation/equivalent.toml": (
+        "benchmarks/mutation/areas.toml": "[tiny]\nsources = ['tiny']\ntests = ['tests']\n",
+        "benchmarks/mutation/equivalent.toml": (
             "[[mutant]]\nline = 'total = 0'\nmutated = 'total = 1'\nwhy = 'to see that it is left out'\n"
         ),
     }
@@ -96,7 +88,8 @@ def tree(tmp_path: Path) -> Path:
 
 def rows_of(tree: Path, *more: str) -> tuple[list[dict], str]:
     said = subprocess.run(
-        [sys.executable, str(HERE / "mutate.py"), "tiny", "--root", str(tree), "--start-s", "6", *more],
+        [*MUTATE, "tiny", "--root", str(tree), "--start-s", "6", *more],
+        cwd=ROOT,
         capture_output=True,
         text=True,
     )
@@ -124,17 +117,16 @@ def test_what_the_tests_see_is_killed_and_what_they_do_not_lives(tree: Path) -> 
 
 
 def test_an_area_that_names_a_folder_which_is_not_there_is_refused(tree: Path) -> None:
-    (tree / "tests/mutation/areas.toml").write_text("[tiny]\nsources = ['gone']\ntests = ['tests']\n")
-    command = [sys.executable, str(HERE / "mutate.py"), "tiny", "--root", str(tree)]
-    said = subprocess.run(command, capture_output=True, text=True)
+    (tree / "benchmarks/mutation/areas.toml").write_text("[tiny]\nsources = ['gone']\ntests = ['tests']\n")
+    said = subprocess.run([*MUTATE, "tiny", "--root", str(tree)], cwd=ROOT, capture_output=True, text=True)
     assert said.returncode == 1 and "gone, which is not there" in said.stderr
 
 
 def test_every_area_of_the_house_has_code_and_tests() -> None:
-    areas = tomllib.loads((HERE / "areas.toml").read_text(encoding="utf-8"))
+    areas = tomllib.loads((ROOT / AREAS).read_text(encoding="utf-8"))
     for area in areas.values():
         for name in (*area["sources"], *area["tests"], *area.get("without", ())):
-            assert (HERE.parents[1] / name).exists(), name
+            assert (ROOT / name).exists(), name
 
 
 def test_a_run_goes_on_where_it_was_and_asks_again_what_has_changed(tree: Path) -> None:
@@ -154,7 +146,7 @@ def test_a_run_goes_on_where_it_was_and_asks_again_what_has_changed(tree: Path) 
     assert len(changed) > len(first)
 
 
-def test_every_mutant_is_a_program_and_no_other_text_is_touched(mutants) -> None:
+def test_every_mutant_is_a_program_and_no_other_text_is_touched() -> None:
     code = (
         "def f(a: int = 3, *, b=True) -> int:\n"
         '    """1 < 2"""\n'
@@ -164,7 +156,7 @@ def test_every_mutant_is_a_program_and_no_other_text_is_touched(mutants) -> None
         "    größe = a & 0x7FF; x = -(a + 1)  # 3 < 4\n"
         "    return min(größe[1:-1], (a) - (b), x ** 2)\n"
     )
-    found = mutants.find_mutants("a.py", code)
+    found = find_mutants("a.py", code)
     after = [mutant.apply(code) for mutant in found]
     for text in after:
         ast.parse(text)
@@ -191,16 +183,13 @@ def test_every_mutant_is_a_program_and_no_other_text_is_touched(mutants) -> None
 
 
 def test_intervals_are_those_of_wilson() -> None:
-    command = f"import sys; sys.path.insert(0, {str(HERE)!r})\n"
-    command += "from mutate import wilson; print(*wilson(8, 10), *wilson(0, 0))"
-    said = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True).stdout
-    assert [float(word) for word in said.split()] == pytest.approx([0.4902, 0.9433, 0.0, 1.0], abs=1e-4)
+    assert [*wilson(8, 10), *wilson(0, 0)] == pytest.approx([0.4902, 0.9433, 0.0, 1.0], abs=1e-4)
 
 
-def test_all_code_of_the_house_gives_mutants_that_are_programs(mutants) -> None:
+def test_all_code_of_the_house_gives_mutants_that_are_programs() -> None:
     check: Callable[[str], object] = ast.parse
     for folder in ("core/trajectory", "core/recordings/sources"):
-        for path in sorted((HERE.parents[1] / folder).glob("*.py")):
+        for path in sorted((ROOT / folder).glob("*.py")):
             text = path.read_text(encoding="utf-8")
-            for mutant in mutants.find_mutants(path.name, text)[::7]:
+            for mutant in find_mutants(path.name, text)[::7]:
                 check(mutant.apply(text))

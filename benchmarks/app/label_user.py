@@ -20,13 +20,13 @@ from app.modes.label.label_picture import HEIGHT_PX
 from app.modes.label.labelling import DEFAULT_STEP_US
 from app.modes.label.pictures import GAP_PX
 from app.views.image_view import framing, free_share
-from benchmarks.app.bare_browser import BROWSER_FLAGS, WINDOW, find_chromium
+from benchmarks.app.bare_browser import WINDOW, measuring_browser
+from benchmarks.app.label_user_exports import check_exports, checks_text
 from core.cameras import stereo_preset
 from core.recordings import PixelTruth, open_recording
 from core.simulation import LaunchConfig, SensorConfig, StereoConfig, simulate_recording
 from labels.formats import LabelSet
 from labels.store import LabelStore, Layer
-from tests.app.browser.label_user_exports import check_exports, checks_text
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -75,14 +75,8 @@ def label_with_browser(folder: Path, count: int, *, seed: int = 1, browser: Brow
     Without a `browser` one is started for it.
     """
     if browser is None:
-        from playwright.sync_api import sync_playwright
-
-        with sync_playwright() as playwright:
-            own = playwright.chromium.launch(executable_path=find_chromium(), args=list(BROWSER_FLAGS))
-            try:
-                return label_with_browser(folder, count, seed=seed, browser=own)
-            finally:
-                own.close()
+        with measuring_browser() as own:
+            return label_with_browser(folder, count, seed=seed, browser=own)
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / "trial.h5"
     serves = [LaunchConfig()] * (1 + count // 150)
@@ -189,7 +183,7 @@ class _User:
                 self._key("x")  # no ball
             elif by_hand:
                 self._page.mouse.click(*self._screen(float(truth.u_px[0]), float(truth.v_px[0])))
-                self.clicked += 1
+                self.clicked += t_us != tried_us  # a second try at the same time is no other decision
             else:
                 self._key("Space")
             try:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser
 
-from tests.app.browser.label_user import label_with_browser
+from benchmarks.app.label_user import label_with_browser
 
 pytestmark = pytest.mark.browser
 COUNT = 14

@@ -1,6 +1,6 @@
 """Measure what the tests see: change the code in one place, and ask the tests that reach it.
 
-    python tests/mutation/mutate.py AREA [--count 60] [--seed 0] [--jobs 1] [--list]
+    python -m benchmarks.mutation.mutate AREA [--count 60] [--seed 0] [--jobs 1] [--list]
 
 Draws lines of the area's code and one mutant on each, works on a copy of the tree, and writes each result at once to
 `.mutation/AREA.jsonl`: a run that was killed goes on, and a changed file or killing test is asked again. Which test
@@ -32,7 +32,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any, Final
 
-from mutants import Mutant, find_mutants
+from benchmarks.mutation.mutants import Mutant, find_mutants
 
 SLOWEST_TEST_S: Final = 20.0
 """Tests that take longer without the compiler are asked last, and compiled."""
@@ -46,13 +46,16 @@ COMPILED_S: Final = 100.0
 """For the slow tests, compiled; what is not decided then counts as survived."""
 NOT_COPIED: Final = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info", "build", "dist", "rallyscope-data")
 HERE: Final = Path(__file__).resolve().parent
+AREAS: Final = "benchmarks/mutation/areas.toml"
+EQUIVALENT: Final = "benchmarks/mutation/equivalent.toml"
+"""Both relative to the root of the tree whose code is changed."""
 
 
 class Area:
     """The code that is changed, the tests that are asked, and what was measured of them."""
 
     def __init__(self, root: Path, name: str) -> None:
-        areas = tomllib.loads((root / "tests/mutation/areas.toml").read_text(encoding="utf-8"))
+        areas = tomllib.loads((root / AREAS).read_text(encoding="utf-8"))
         if name not in areas:
             raise SystemExit(f"no area {name}; there are {', '.join(areas)}")
         self.root, self.name, self.kept = root, name, root / ".mutation"
@@ -112,8 +115,8 @@ def _finish(process: subprocess.Popen[str], timeout_s: float) -> tuple[int, str]
 
 
 def pytest_command(*more: str) -> list[str]:
-    """The start of each call of pytest."""
-    return ["-m", "pytest", "-q", "-p", "no:cacheprovider", *more]
+    """The start of each call of pytest, for tests of every size: the tree's own choice of marks is set aside."""
+    return ["-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "", *more]
 
 
 class Reach:
@@ -253,7 +256,7 @@ def run(area: Area, drawn: list[tuple[Mutant, str]], jobs: int, start_s: float) 
     results, state = area.kept / f"{area.name}.jsonl", area.digest(*area.files, *area.tests)
     earlier = [json.loads(row) for row in results.read_text().splitlines()] if results.exists() else []
     known = {(row["line"], row["start"], row["mutated"]): row for row in earlier if still_true(row, area, state)}
-    accepted = tomllib.loads((area.root / "tests/mutation/equivalent.toml").read_text(encoding="utf-8"))
+    accepted = tomllib.loads((area.root / EQUIVALENT).read_text(encoding="utf-8"))
     equivalent = {(one["line"], one["mutated"]) for one in accepted.get("mutant", ())}
     found: list[dict[str, Any]] = []
     lock = threading.Lock()

@@ -1,6 +1,6 @@
 """How long a newcomer waits: `make run` in a fresh clone, with nothing compiled, beside busy processes.
 
-    python -m tests.app.browser.measure_first_start [--clones 3] [--busy 4] [--folder "Möbel & Bälle"] [--python PYTHON]
+    python -m benchmarks.app.measure_first_start [--clones 3] [--busy 4] [--folder "Möbel & Bälle"] [--python PYTHON]
 
 For each clone one line: seconds from the end of the installation to the page's address, to the card in the browser and
 to the first returned ball in the browser. Everything that a start could have warmed is put into a folder of its own.
@@ -15,14 +15,12 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
-from playwright.sync_api import sync_playwright
+from benchmarks.app.bare_browser import WINDOW, measuring_browser
 
-from tests.app.browser.conftest import FLAGS
-from tests.ensure_chromium import find_chromium
-
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 GIVE_UP_S = 1800.0
 
 
@@ -74,20 +72,18 @@ def measure(home: Path, arguments: argparse.Namespace, number: int) -> None:
 def in_browser(port: int, installed_s: float, started: subprocess.Popen, log: Path) -> dict[str, float]:
     """Seconds from the installation's end to what a browser shows."""
     seconds = {}
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=find_chromium(), args=FLAGS)
-        page = browser.new_page(viewport={"width": 1280, "height": 720})
+    with measuring_browser() as browser:
+        page = browser.new_page(viewport={"width": WINDOW[0], "height": WINDOW[1]})
         page.goto(f"http://127.0.0.1:{port}", timeout=600_000)
         for name, words in (("card", r"Getting ready"), ("returned ball", r"^[1-9]\d* of \d+$")):
             shown = page.get_by_text(re.compile(words))
             until(lambda shown=shown: shown.count() > 0, started, log)
             seconds[name] = time.monotonic() - installed_s
         page.screenshot(path=str(Path(tempfile.gettempdir()) / "first-start.png"), timeout=120_000)
-        browser.close()
     return seconds
 
 
-def until(condition, started: subprocess.Popen, log: Path) -> None:
+def until(condition: Callable[[], bool], started: subprocess.Popen, log: Path) -> None:
     """Wait for it while the started command lives."""
     deadline = time.monotonic() + GIVE_UP_S
     while not condition():

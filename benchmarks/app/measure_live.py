@@ -1,4 +1,4 @@
-"""How smoothly the live rally runs and is shown: `python tests/app/browser/measure_live.py [SECONDS]`.
+"""How smoothly the live rally runs and is shown: `python -m benchmarks.app.measure_live [SECONDS]`.
 
 First without a browser: simulation, link and chain alone, for both sensor sizes. Then in headless Chromium, and prints
 what the app's process did meanwhile: updates of the 3D scene and of the camera pictures per second, its share of a core
@@ -13,20 +13,27 @@ import time
 from pathlib import Path
 
 import numpy as np
-from conftest import FLAGS, Window, wait_for
-from playwright.sync_api import sync_playwright
 
+from app.modes.watch.mode import WatchMode
+from app.scene.world import World
 from app.server import App
 from app.shared.library import Library
 from app.shared.live_rally import LIVE, SimulationProcess, join_simulation
 from app.shared.workspace import Workspace
+from benchmarks.app.bare_browser import WINDOW, measuring_browser
+from core.errors import CommandError
+
+COMING_UP_S = 300.0
+"""Given to the first start, which compiles."""
+SETTLE_S = 8.0
+"""Until everything is compiled and loaded."""
 
 
 def measure_alone(seconds: float, sensor: str) -> None:
     """Print one line about simulation and chain without a browser."""
     process = SimulationProcess("--auto-serve", "5", "--sensor", sensor)
     live = join_simulation(process.wait(), process=process)
-    time.sleep(6.0)
+    time.sleep(SETTLE_S)
     began_us, cpu_s, wall_s = live.recording.duration_us, time.process_time(), time.monotonic()
     time.sleep(seconds)
     wall_s = time.monotonic() - wall_s
@@ -45,24 +52,22 @@ def measure_alone(seconds: float, sensor: str) -> None:
 
 def measure_shown(seconds: float) -> None:
     """Print one line about the rally in a browser."""
-    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
+    with tempfile.TemporaryDirectory() as folder, measuring_browser() as browser:
         process = SimulationProcess("--auto-serve", "5")
         live = join_simulation(process.wait(), process=process)
         workspace = Workspace(Path(folder))
         lab = App(workspace, Library(workspace), LIVE, host="127.0.0.1", port=0, live=live)
-        browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=FLAGS)
-        window = Window(browser.new_page(viewport={"width": 1280, "height": 720}), lab, in_space=True)
-        world, cameras = window.session.world, window.session._modes["Watch"]._cameras
-        wait_for(lambda: world.visible, "the 3D scene")
-        time.sleep(8.0)  # everything is compiled and loaded
-        draws, pictures, paces = [], [], []
-        draw, show = world.draw, cameras.show
-        world.draw = lambda picture: (draws.append(time.monotonic()), draw(picture))
-        cameras.show = lambda pngs: (pictures.append(time.monotonic()), show(pngs))
+        page = browser.new_page(viewport={"width": WINDOW[0], "height": WINDOW[1]})
+        page.goto(f"http://127.0.0.1:{lab.port}/", timeout=1e3 * COMING_UP_S)
+        watch, world = shown_rally(lab)
+        time.sleep(SETTLE_S)
+        draws, pictures = note_calls(world, "draw"), note_calls(watch._cameras, "show")
+        paces = []
         cpu_s, wall_s = time.process_time(), time.monotonic()
         while time.monotonic() - wall_s < seconds:
             time.sleep(0.2)
-            paces.append(live.state.real_time_factor)
+            if live.state is not None:
+                paces.append(live.state.real_time_factor)
         wall_s = time.monotonic() - wall_s
         share = (time.process_time() - cpu_s) / wall_s
         health = live.player.snapshot.health
@@ -75,8 +80,34 @@ def measure_shown(seconds: float) -> None:
             f"dropped {health.blocks_dropped} of {health.blocks + health.blocks_dropped} blocks, "
             f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
         )
-        browser.close()
+        page.close()
         lab.stop()
+
+
+def shown_rally(lab: App) -> tuple[WatchMode, World]:
+    """Watch of the first browser, once its 3D scene is there."""
+    deadline_s = time.monotonic() + COMING_UP_S
+    while not (lab.sessions and lab.sessions[0].world.visible):
+        if time.monotonic() > deadline_s:
+            raise CommandError("the live rally did not come up in the browser", where="measure_live")
+        time.sleep(0.2)
+    session = lab.sessions[0]
+    watch = session._modes["Watch"]
+    assert isinstance(watch, WatchMode)
+    return watch, session.world
+
+
+def note_calls(owner: object, name: str) -> list[float]:
+    """When a method is called from now on, monotonic seconds."""
+    times_s: list[float] = []
+    method = getattr(owner, name)
+
+    def noted(*given: object) -> object:
+        times_s.append(time.monotonic())
+        return method(*given)
+
+    setattr(owner, name, noted)
+    return times_s
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Generator
 from pathlib import Path
 
 import coverage
@@ -24,8 +25,14 @@ def _switch(context: str) -> None:
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_protocol(item):
-    _tests[item.nodeid] = {"seconds": 0.0, "fixtures": list(item.fixturenames), "passed": True, "ran": False}
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """Lines from here on belong to this test."""
+    _tests[item.nodeid] = {
+        "seconds": 0.0,
+        "fixtures": list(getattr(item, "fixturenames", ())),
+        "passed": True,
+        "ran": False,
+    }
     _stack[:] = [item.nodeid]
     _switch(item.nodeid)
     try:
@@ -36,7 +43,10 @@ def pytest_runtest_protocol(item):
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_fixture_setup(fixturedef, request):
+def pytest_fixture_setup(
+    fixturedef: pytest.FixtureDef, request: pytest.FixtureRequest
+) -> Generator[None, object, object]:
+    """Lines of a fixture's set-up belong to the fixture."""
     _stack.append(FIXTURE + fixturedef.argname)
     _switch(_stack[-1])
     try:
@@ -46,12 +56,14 @@ def pytest_fixture_setup(fixturedef, request):
         _switch(_stack[-1])
 
 
-def pytest_runtest_logreport(report):
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """Note how a phase of a test ended and how long it took."""
     test = _tests[report.nodeid]
     test["seconds"] += report.duration
     test["passed"] &= not report.failed
     test["ran"] |= report.when == "call" and report.outcome == "passed"
 
 
-def pytest_sessionfinish():
+def pytest_sessionfinish() -> None:
+    """Write what was noted."""
     Path(os.environ["REACH_TESTS"]).write_text(json.dumps(_tests), encoding="utf-8")
