@@ -76,7 +76,7 @@ def processor_flags() -> set[str]:
 def run_tests(environment: dict[str, str], paths: Sequence[str]) -> tuple[int, int, str]:
     """How many passed and failed, and the names of failures."""
     # Kernels of another processor are compiled in the first test that needs them: minutes.
-    how = ("-n", "0", "-q", "-m", "numeric and not benchmark", "--timeout", "1200", "-rfE", "--tb=no")
+    how = ("-n", "0", "-q", "-m", "numeric", "--timeout", "1200", "-rfE", "--tb=no")
     command = [sys.executable, "-m", "pytest", *how, *paths]
     ended = subprocess.run(
         command, cwd=ROOT, env={**os.environ, **environment}, capture_output=True, text=True, check=False

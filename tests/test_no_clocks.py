@@ -9,6 +9,7 @@ CLOCKS = {"monotonic", "monotonic_ns", "perf_counter", "perf_counter_ns", "proce
 ALLOWED: dict[str, str] = {
     "waiting.py": "the one place that waits",
     "app/test_stopped_app.py": "how long the app stands is chosen by whoever runs it; nothing is asserted on it",
+    "core/robot/test_robot_link.py": "a robot whose loop turns 500 times a second",
     "core/devices/replayed_hardware.py": "a camera that sends its packets when they are due",
 }
 """Files that sleep or measure, and why."""

@@ -247,7 +247,8 @@ class HandshakeWatch:
     def __init__(self, socket: zmq.Socket, keys: ClientKeys | None) -> None:
         """Attach to a socket before it is connected."""
         self._watched = socket
-        self._monitor = socket.get_monitor_socket(int(NO_MATCH | (HUNG_UP if keys is not None else 0)))
+        # A server with keys may hang up before it has said that a client without keys does not fit.
+        self._monitor = socket.get_monitor_socket(int(NO_MATCH | HUNG_UP))
         self._hung_up = 0
 
     def refused(self) -> bool:
