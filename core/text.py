@@ -31,6 +31,21 @@ _NO_TEXT: Final = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 _HEAD_BYTES: Final = 64
 
 
+_COMPRESSED: Final = (
+    (b"\x1f\x8b", "gzip"), (b"\x1f\x9d", "compress"), (b"BZh", "bzip2"), (b"\xfd7zXZ", "xz"),
+    (b"\x28\xb5\x2f\xfd", "Zstandard"), (b"\x04\x22\x4d\x18", "LZ4"), (b"Rar!", "RAR"),
+    (b"7z\xbc\xaf\x27\x1c", "7-Zip"),
+    (b"PK\x03\x04", "ZIP"), (b"PK\x05\x06", "ZIP"),
+)  # fmt: skip
+
+
+def compression_of(head: bytes) -> str | None:
+    """What a file was compressed with, by its first bytes; None if it was not."""
+    if head[257:262] == b"ustar":
+        return "tar"
+    return next((name for start, name in _COMPRESSED if head.startswith(start)), None)
+
+
 def encoding_of(content: bytes, *, whole: bool = True) -> str:
     """Name of the encoding of a text: UTF-16 and UTF-32 by their marks or zero bytes, UTF-8 where it can be that, else
     Latin-1. Where more bytes follow (not `whole`), the last character may be cut.

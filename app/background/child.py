@@ -32,7 +32,7 @@ class ChildProcess:
         end.
         """
         self._process = subprocess.Popen(
-            [sys.executable, "-m", *command],
+            [sys.executable, "-P", "-m", *command],  # -P: nothing of the working folder is imported
             stdin=subprocess.PIPE,  # ends with this process, however that ends, and so does the child
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

@@ -29,7 +29,23 @@ DATA = Path("rallyscope-data")
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser that raises instead of printing usage; sub-parsers are of this class too."""
+    """An argument parser that raises instead of printing usage; sub-parsers are of this class too.
+
+    Options may stand anywhere between the names of files, as those of cp and git.
+    """
+
+    _mixing = False
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        # The parser of a verb is called by that of the program, which knows no intermixed arguments; these are read
+        # by two calls of this method. What follows "--" may begin with a dash, which the second call would not know.
+        if self._mixing or self._subparsers is not None or args is None or "--" in args:
+            return super().parse_known_args(args, namespace)
+        self._mixing = True
+        try:
+            return self.parse_known_intermixed_args(args, namespace)
+        finally:
+            self._mixing = False
 
     def error(self, message: str) -> NoReturn:
         raise CommandError(message, where=self.prog, remedy=f"see `{self.prog} --help`")

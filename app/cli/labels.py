@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import argparse
+import re
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from math import isnan
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -34,6 +36,17 @@ MAX_TIMES = 5
 FORMAT_HELP = "; ".join(f"{name}: {item.summary}" for name, item in FORMATS.items())
 
 
+def _size(text: str) -> tuple[int, int]:
+    """Width and height from a word such as 1280x720."""
+    found = re.fullmatch(r"([1-9]\d{0,4})[xX×]([1-9]\d{0,4})", text.strip())
+    if found is None:
+        raise argparse.ArgumentTypeError(f"expected a width and a height such as 1280x720, got {text!r}")
+    return int(found[1]), int(found[2])
+
+
+PictureSize = Annotated[tuple[int, int], _size]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabelImportArguments:
     """Take labels from files of another tool."""
@@ -46,6 +59,9 @@ class LabelImportArguments:
     )
     ball_class: str | None = flag("the class that is the ball, where it has another name or no list", "NAME|N", "ball")
     scale_pictures: bool = flag("scale labels if all pictures have one size, another than the sensor's")
+    picture_size: PictureSize | None = flag(
+        "size of the pictures, where the files do not state it (tracknet, track)", "WxH"
+    )
     empty_pictures: Literal["no-ball", "unchecked"] = flag(
         "listed pictures without any annotation: somebody saw no ball, or nobody looked", default="unchecked"
     )
@@ -86,6 +102,7 @@ def run_import(arguments: LabelImportArguments) -> None:
             times=_frame_times(arguments.frame_times, stream),
             ball_class=arguments.ball_class,
             scale_pictures=arguments.scale_pictures,
+            picture_size=arguments.picture_size,
             empty_is_no_ball=arguments.empty_pictures == "no-ball",
         )
         context = import_context(recording, stream.name, stream.sensor, arguments.format, choices)
@@ -98,6 +115,10 @@ def run_import(arguments: LabelImportArguments) -> None:
             with LabelStore.open(layer.folder, recording.uuid, stream.name, annotator, tool=tool) as store:
                 new = [label for label in found.labels if arguments.replace or store.at(label.t_us) is None]
                 store.edit(put=new)  # one step: one undo takes the whole import back
+    if not found.labels and not found.rejections:
+        expected = f"labels of {FORMATS[arguments.format].summary}"
+        got = f"none in {found.files} files"
+        raise LabelError("nothing to import", expected=expected, got=got, where=arguments.source)
     there, rejections = len(found.labels) - len(new), [str(rejection) for rejection in found.rejections]
     report = report_of(found)
     if not found.labels and rejections:

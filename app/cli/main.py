@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from app.cli.arguments import Parser, add_verb, arguments_of, name_the_flag
-from app.cli.terminal import PlainFormatter, accept_any_text, say
+from app.cli.terminal import PlainFormatter, output_was_lost, prepare_streams, say
 from core.errors import CommandError, ConfigError, RallyscopeError
 from core.registry import use_plugins
 
@@ -46,6 +46,7 @@ MODULES = {
 }
 """Verbs whose module has another name than the verb. A module has `run(arguments: ItsArguments)`, or several such
 functions by the names of its sub-verbs in `ACTS`."""
+PRINTING_VERBS = ("info", "evaluate", "predict")
 PLUGIN_FLAG = "--plugin"
 PLUGIN_HELP = (
     "a Python file, which is run: it adds detectors, readers, label formats, exporters or rewards; again for each file"
@@ -54,10 +55,14 @@ PLUGIN_HELP = (
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb and return the exit code."""
-    accept_any_text()
+    prepare_streams()
+    if argv is None:
+        # A process of our own, and all that it starts, by multiprocessing too, imports nothing from the working folder.
+        os.environ.setdefault("PYTHONSAFEPATH", "1")
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
-        return _run(arguments)
+        code = _run(arguments)
+        return 2 if output_was_lost() and _prints_its_result(arguments) else code
     except RallyscopeError as error:
         say(f"rallyscope: {error}", error=True)
         return 2
@@ -74,6 +79,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         say(traceback.format_exc().rstrip(), error=True)
         say("rallyscope: this is a bug; the lines above say where", error=True)
         return 1
+
+
+def _prints_its_result(words: Sequence[str]) -> bool:
+    """Whether nothing is left of the work once what it prints is lost."""
+    verb = next((word for word in words if not word.startswith("-")), "")
+    return verb in PRINTING_VERBS or bool({"--json", "--check"}.intersection(words))
 
 
 def _run(argv: list[str]) -> int:

@@ -7,28 +7,69 @@ from __future__ import annotations
 
 import io
 import logging
+import os
 import sys
 from collections.abc import Iterable
-from typing import Final
+from contextlib import suppress
+from typing import Final, TextIO
 
 from core.text import plain
 
 LONGEST_LINE: Final = 2000
 
 
-def accept_any_text() -> None:
+_lost: list[str] = []
+"""Standard streams that could not be written to."""
+
+
+def prepare_streams() -> None:
     """Let the terminal, a file or a pipe take any text: what its encoding has no sign for is escaped.
 
-    Names and notes may hold any character; ASCII, Latin-1 and Windows' code pages have few of them.
+    Names and notes may hold any character; ASCII, Latin-1 and Windows' code pages have few of them. A stream that is
+    missing leads nowhere, as `2> /dev/null` does.
     """
+    _lost.clear()
+    for name in ("stdin", "stdout", "stderr"):
+        # Python has None for a stream that the caller closed (`2>&-`), and on Windows without a console. The number
+        # of a closed one must not go to the next file that is opened: libraries write to 1 and 2.
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w", encoding="utf-8"))  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper) and stream.errors in ("strict", "surrogateescape"):
             stream.reconfigure(errors="backslashreplace")
 
 
+def output_was_lost() -> bool:
+    """Whether something that was to be said on standard output could not be written."""
+    return "stdout" in _lost
+
+
 def say(text: str = "", *, error: bool = False) -> None:
-    """A text of our own, of one or several lines, on standard output, or on standard error."""
-    print("\n".join(plain(line, None) for line in text.split("\n")), file=sys.stderr if error else None, flush=True)
+    """A text of our own, of one or several lines, on standard output, or on standard error.
+
+    Work does not end because nobody can be told of it: on a full disk the text is lost, which standard error says once.
+
+    Raises:
+        BrokenPipeError: if who reads standard output has seen enough.
+    """
+    stream = sys.stderr if error else sys.stdout
+    try:
+        print("\n".join(plain(line, None) for line in text.split("\n")), file=stream, flush=True)
+    except BrokenPipeError:
+        if not error:
+            raise
+        _lose(stream, "stderr")
+    except OSError as failure:
+        _lose(stream, "stderr" if error else "stdout")
+        if not error:
+            say(f"rallyscope: standard output cannot be written: {failure.strerror}; what it says is lost", error=True)
+
+
+def _lose(stream: TextIO, name: str) -> None:
+    """Let a stream lead nowhere: what is left in its buffer would fail again at the end, and change the exit code."""
+    _lost.append(name)
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def print_lines(lines: Iterable[str]) -> None:

@@ -1,4 +1,5 @@
-"""Calibration files, told apart by their content: ours (TOML, JSON), OpenCV's, ROS, Kalibr, DSEC and Sony's rigs.
+"""Calibration files, told apart by their content: ours (TOML, JSON), OpenCV's, ROS, Kalibr, DSEC,
+anipose (TOML) and Sony's rigs.
 
 All but ours and Sony's know no world: there, the first camera's frame is the world until the rig is aligned to the
 table.
@@ -16,6 +17,7 @@ from typing import Final
 import tomli_w
 import yaml
 
+from core.cameras.anipose import anipose_tables, cameras_from_anipose
 from core.cameras.calibration_values import (
     CalibrationNode,
     Unreadable,
@@ -44,15 +46,17 @@ from core.cameras.opencv_yaml import (
     tree_from_xml,
 )
 from core.cameras.plausible import check_lenses, odd_lenses, odd_poses
-from core.cameras.units import Unit, check_board_unit, check_lengths, in_metres
+from core.cameras.units import Unit, check_board_unit, check_lengths, in_metres, stated_unit
 from core.errors import CalibrationError
 from core.files import replace_file
-from core.text import decode_text, parse_toml
+from core.text import compression_of, decode_text, parse_toml
 
 FORMAT: Final = "rallyscope-calibration"
 VERSION: Final = 1
 LARGEST_FILE_BYTES: Final = 1 << 20
 """A calibration is a few kilobytes; this keeps a video given by mistake out of the parser."""
+_TOML_LINE: Final = re.compile(r"\[\[?[A-Za-z_][\w.\"' -]*\]\]?\s*(#.*)?$|[A-Za-z_][\w.\"'-]*\s*=")
+"""A line that TOML begins with: `[table]` or `key =`; none of YAML."""
 YAML_ERRORS: Final = (yaml.YAMLError, ValueError, LookupError, AttributeError, TypeError, RecursionError)
 """What PyYAML raises over text that is no YAML."""
 
@@ -87,6 +91,7 @@ def read_calibration_file(path: Path, *, unit: Unit = "m", model: LensModel | No
     text = _read_text(path)
     notes: list[str] = []
     tree = _parse(text, path, notes)
+    unit = stated_unit(tree, unit)
     cameras = _cameras_from_tree(tree, str(path), notes, model, unit)
     if not cameras:
         raise CalibrationError("no camera in it", expected=f"a {FORMAT} file, OpenCV YAML or a camchain", where=path)
@@ -101,11 +106,17 @@ def read_calibration_file(path: Path, *, unit: Unit = "m", model: LensModel | No
 def _parse(text: str, path: Path, notes: list[str]) -> CalibrationNode:
     """The named values of a text, whatever its form."""
     start = text.lstrip()
-    if FORMAT in text[:4096] and not start.startswith(("%YAML", "{")):
-        return _parse_toml(text, path)
     if start.startswith("<") and not start.startswith("<<"):
         return tree_from_xml(text, str(path))
+    if (FORMAT in text[:4096] and not start.startswith(("%YAML", "{"))) or _TOML_LINE.match(_first_line(text)):
+        return _parse_toml(text, path)
     return _parse_yaml(text, path, notes)
+
+
+def _first_line(text: str) -> str:
+    """The first line that is neither empty nor a comment."""
+    lines = (line.strip() for line in text.splitlines())
+    return next((line for line in lines if line and not line.startswith("#")), "")
 
 
 def _cameras_from_tree(
@@ -114,6 +125,8 @@ def _cameras_from_tree(
     if tree.values.get("format") == FORMAT:
         return _cameras_from_ours(tree, model)
     check_board_unit(tree, unit)
+    if (tables := anipose_tables(tree)) is not None:
+        return cameras_from_anipose(tables, notes, model)
     if looks_like_dsec(tree):
         return cameras_from_dsec(tree, notes, model)
     if looks_like_kalibr(tree):
@@ -158,10 +171,12 @@ def _read_text(path: Path) -> str:
         content = path.read_bytes()
     except OSError as error:
         raise CalibrationError("cannot read the calibration", got=error.strerror, where=path) from error
+    if (packed := compression_of(content)) is not None:
+        raise CalibrationError(f"the file is compressed ({packed})", where=path, remedy="unpack it first")
     try:
         return decode_text(content)
     except UnicodeDecodeError as error:
-        raise CalibrationError("not a text file", expected="TOML or YAML", where=path) from error
+        raise CalibrationError("not a text file", expected="TOML, YAML, XML or JSON", where=path) from error
 
 
 def _parse_toml(text: str, path: Path) -> CalibrationNode:
@@ -205,7 +220,7 @@ def _parse_yaml(text: str, path: Path, notes: list[str]) -> CalibrationNode:
         tree: object = next(trees, None)
         another: object = next(trees, None)
     except YAML_ERRORS as error:
-        raise CalibrationError("neither TOML nor YAML", got=str(error)[:200], where=path) from error
+        raise CalibrationError("neither TOML nor YAML", got=" ".join(str(error).split())[:200], where=path) from error
     if isinstance(tree, Unreadable):
         raise CalibrationError("neither TOML nor YAML", got=tree.reason, where=path)
     if another is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -15,17 +16,13 @@ from core.errors import CalibrationError
 
 Array = NDArray[np.float64]
 
-MODEL_KEYS: Final = (
-    "distortion_model",
-    "distortion_type",
-    "camera_model",
-    "projection_model",
-    "model_type",
-    "lens_model",
-    "camera_type",
-    "type",
-    "model",
+MODEL_KEY: Final = re.compile(
+    r"(lens|camera|distortion|projection|calibration|intrinsics?|model)?(model|type|kind)|"
+    r"(lens|model|distortion|projection)(name)?"
 )
+"""Names of keys that may state the lens model, in small letters without signs."""
+LOOSE_KEYS: Final = frozenset({"type", "kind", "model", "modelname", "cameratype", "camerakind", "calibrationtype"})
+"""These may state the maker's name of the camera, or its kind, too."""
 PINHOLE_COUNTS: Final[dict[str, int]] = {
     "plumbbob": 5,
     "radtan": 5,
@@ -48,6 +45,17 @@ PINHOLE_COUNTS: Final[dict[str, int]] = {
 FISHEYE_NAMES: Final = frozenset(
     {"equidistant", "equi", "fisheye", "opencvfisheye", "kannalabrandt", "kannalabrandt4", "kannalabrandt8", "kb4"}
 )
+FOREIGN_NAMES: Final = frozenset(
+    {
+        "omnidir", "omnidirectional", "omni", "mei", "ucm", "eucm", "ds", "doublesphere", "fov", "atan", "scaramuzza",
+        "ocam", "ocamcalib", "unified", "unifiedcamera", "extendedunified", "division", "spherical", "equirectangular",
+        "equisolid", "equisolidangle", "stereographic", "orthographic", "cylindrical", "panoramic", "ftheta",
+        "thinprismfisheye", "fullopencv", "cahvor", "scaramuzzafisheye",
+    }
+)  # fmt: skip
+"""Other lens models, which no key makes ours."""
+PARTS: Final = re.compile(r"distort|lens|projection|intrinsic|mirror|camera")
+"""Tables within a camera's that describe its lens."""
 ZERO_ONLY: Final = frozenset({"inversebrownconrady", "modifiedbrownconrady"})
 """RealSense's: another direction of the same polynomial, the same where all is 0."""
 SUPPORTED: Final = "pinhole (radtan, plumb_bob, rational, thin prism) or fisheye (equidistant, Kannala-Brandt)"
@@ -79,7 +87,7 @@ def find_lens(
     flat = coefficients.ravel()
     most, model = 14, None
     for name in names:
-        plain = re.sub(r"[^a-z0-9]", "", name.lower())
+        plain = _plain(name)
         if plain in ZERO_ONLY and not flat.any():
             plain = "none"
         if plain in FISHEYE_NAMES:
@@ -106,28 +114,45 @@ def find_lens(
 
 
 def _stated(node: CalibrationNode) -> list[str]:
-    """What the keys of a file call the lens."""
+    """What the keys of a file call the lens, whatever they are called.
+
+    Raises:
+        CalibrationError: where the name of a model belongs stands something else, or another model's parameter.
+    """
     names: list[str] = []
-    for key in MODEL_KEYS:
-        if key not in node.values:
-            continue
-        value = node.get(key)
-        if value is None:
-            value = ""
-        if not isinstance(value, str):
-            what = f"{key} is no lens model"
-            raise CalibrationError(what, expected="a name", got=short_repr(value), where=node.where)
-        plain = re.sub(r"[^a-z0-9]", "", value.lower())
-        known = plain in FISHEYE_NAMES or plain in PINHOLE_COUNTS
-        if key not in ("type", "model", "camera_type") or known:  # these may mean anything: the maker's name
-            names.append(value)
-    for key in ("fisheye_model", "fisheye", "is_fisheye"):
-        value = node.values.get(key)
-        if value not in (None, 0, False, "0", "false"):
-            names.append("fisheye")
-        elif value is not None:
-            names.append("pinhole")
+    for key, value in _values_of_lens(node):
+        word = _plain(key)
+        if word in ("fisheyemodel", "fisheye", "isfisheye"):
+            if value is not None:
+                names.append("pinhole" if value in (0, False, "0", "false") else "fisheye")
+        elif word in ("xi", "mirrorxi") and value not in (0, 0.0, "0", None):
+            got = f"{key} {short_repr(value)}, of an omnidirectional (Mei) camera"
+            raise CalibrationError("unsupported lens model", expected=SUPPORTED, got=got, where=node.where)
+        elif MODEL_KEY.fullmatch(word):
+            if value is not None and not isinstance(value, str):
+                if word in LOOSE_KEYS or not word.endswith(("model", "type", "name")):
+                    continue  # `distortion` may be a list of coefficients
+                what = f"{key} is no lens model"
+                raise CalibrationError(what, expected="a name", got=short_repr(value), where=node.where)
+            plain = _plain(value or "")
+            known = plain in FISHEYE_NAMES or (plain in PINHOLE_COUNTS and plain) or plain in FOREIGN_NAMES
+            # A maker's name has a number (DAVIS346, EVK4); a word alone is a model that is not ours.
+            named = word in ("model", "modelname") and value and not re.search(r"\d", value)
+            if known or named or word not in LOOSE_KEYS:
+                names.append(value or "")
     return names
+
+
+def _values_of_lens(node: CalibrationNode) -> Iterator[tuple[str, object]]:
+    """The keys of a camera with their values, and those of the tables within that describe its lens."""
+    for key, value in node.values.items():
+        if isinstance(value, dict) and PARTS.search(key.lower()):
+            yield from ((str(inner), item) for inner, item in value.items())
+        yield key, value
+
+
+def _plain(text: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", text.lower())
 
 
 def _sized(flat: Array, model: LensModel, most: int, where: str) -> Array:

@@ -33,6 +33,7 @@ from core.cameras.plausible import check_against_essential
 from core.errors import CalibrationError
 from core.events import SensorSize
 from core.geometry import check_transform, invert_transform, make_transform
+from core.yaml_loader import UntaggedLoader
 
 SINGLE_K: Final = ("camera_matrix", "cameraMatrix", "intrinsic_matrix", "intrinsics", "mtx", "K", "k")
 SINGLE_DISTORTION: Final = (
@@ -75,8 +76,8 @@ NO_SKEW: Final = 1e-6
 """Of the focal length: a thousandth of a pixel at the edge of the picture."""
 
 
-class OpenCVLoader(yaml.SafeLoader):
-    """PyYAML's safe loader that knows `!!opencv-matrix`, and leaves values that it cannot make to who asks for them."""
+class OpenCVLoader(UntaggedLoader):
+    """A safe loader that knows `!!opencv-matrix`, and leaves values that it cannot make to who asks for them."""
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> object:
         """The value of a node, or `Unreadable`."""

@@ -38,6 +38,30 @@ LARGEST_SQUARE_M: Final = 0.5
 """Of a board; larger ones are in other units."""
 
 
+UNIT_KEYS: Final = ("unit", "units", "length_unit", "translation_unit", "baseline_unit", "distance_unit")
+_UNIT_WORDS: Final[dict[str, Unit]] = {
+    "m": "m", "meter": "m", "metre": "m", "mm": "mm", "millimeter": "mm", "millimetre": "mm",
+    "cm": "cm", "centimeter": "cm", "centimetre": "cm",
+}  # fmt: skip
+
+
+def stated_unit(tree: CalibrationNode, asked: Unit) -> Unit:
+    """The unit of the lengths in a file: what it says, else what the user says.
+
+    Raises:
+        CalibrationError: for a unit that is not known, or another than the user says.
+    """
+    key = tree.find(*UNIT_KEYS)
+    value = None if key is None else tree.values[key]
+    if not isinstance(value, str):
+        return asked
+    stated = _UNIT_WORDS.get(value.strip().lower()) or _UNIT_WORDS.get(value.strip().lower().removesuffix("s"))
+    if stated is None or (asked not in ("m", stated)):
+        expected = "m, cm or mm" if stated is None else f"{asked}, as --calibration-unit says"
+        raise CalibrationError(f"{key}: another unit", expected=expected, got=repr(value[:40]), where=tree.where)
+    return stated
+
+
 def in_metres(cameras: Mapping[str, Camera], unit: Unit) -> dict[str, Camera]:
     """The cameras with their positions, given in a unit, in metres."""
     if unit == "m":

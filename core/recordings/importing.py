@@ -24,6 +24,7 @@ from core.recordings.import_facts import EventCounts, ImportFacts, SourceFacts, 
 from core.recordings.recording import Triggers
 from core.recordings.sources import EventSource, open_sources
 from core.recordings.sources.folders import camera_names
+from core.recordings.sources.pipes import pipes_read_once
 from core.recordings.sources.source import DecodeReport, PictureTrack, Stated, Whence
 from core.recordings.truth import BallTruth
 from core.recordings.writer import RecordingWriter
@@ -122,6 +123,7 @@ class _Plan:
         )  # fmt: skip
 
 
+@pipes_read_once
 def import_recording(
     sources: Sequence[Path],
     destination: Path,
@@ -208,6 +210,7 @@ def imported_uuid(
     return source_uuid(sources, list(cameras), details, _one_number(offset_us))
 
 
+@pipes_read_once
 def check_import(
     sources: Sequence[Path],
     *,
@@ -256,6 +259,7 @@ def _plan(
 ) -> _Plan:
     zero_us = _common_zero(feeds)
     sensors = {feed.name: feed.source.sensor for feed in feeds}
+    _refuse_turned(sensors)
     if calibration or frames is not None:
         _refuse_assumed_sizes(feeds)
     own, odd = _own_calibration(feeds, calibration)
@@ -364,6 +368,21 @@ def _refuse_assumed_sizes(feeds: list[_Feed]) -> None:
                 got=f"{feed.source.sensor}, assumed from the events",
                 remedy="give --width and --height",
             )
+
+
+def _refuse_turned(sensors: Mapping[str, SensorSize]) -> None:
+    """Cameras of one make do not have width and height the other way round than each other.
+
+    Raises:
+        RecordingError: if they do.
+    """
+    for name, size in sensors.items():
+        turned = SensorSize(size.height_px, size.width_px)
+        other = next((other for other, its in sensors.items() if its == turned != size), None)
+        if other is not None and size.height_px > size.width_px:
+            got = f"{size} of camera {name}, {turned} of camera {other}"
+            remedy = "give --width and --height for each source: W,W and H,H"
+            raise RecordingError("width and height of a sensor are exchanged", got=got, remedy=remedy)
 
 
 def _common_zero(feeds: list[_Feed]) -> int:

@@ -17,6 +17,7 @@ from core.recordings.importing import import_recording
 from core.recordings.log.assemble import assemble
 from core.recordings.log.growing import is_growing
 from core.recordings.reader import FileRecording
+from core.recordings.sources.pipes import is_pipe
 
 
 def open_recording(
@@ -31,7 +32,7 @@ def open_recording(
         RecordingError: if it cannot be read.
     """
     path = Path(path)
-    if not path.is_file() and not path.is_dir():
+    if not path.is_file() and not path.is_dir() and not is_pipe(path):
         raise RecordingError("no such file", where=path)
     try:
         if path.is_file() and is_growing(path):

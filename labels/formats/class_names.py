@@ -9,12 +9,14 @@ from typing import Final
 import yaml
 
 from core.errors import LabelError
+from core.yaml_loader import UntaggedLoader
 from labels.formats.exchange import CLASS_NAME, Collector, ImportContext, read_text
 from labels.formats.json_lines import parse_json
 
 LISTS: Final = ("classes.txt", "obj.names", "predefined_classes.txt", "_darknet.labels", "labels.txt", "names.txt")
 """A name a line: LabelImg and Label Studio, CVAT and darknet, Roboflow."""
 YAMLS: Final = ("data.yaml", "data.yml", "dataset.yaml", "dataset.yml")
+ENDS: Final = (".yaml", ".yml", ".names")
 NOTES: Final = "notes.json"
 """Of Label Studio: categories with ids."""
 LEVELS: Final = 3
@@ -103,12 +105,20 @@ def _places(folder: Path) -> list[Path]:
 
 
 def _lists_in(place: Path) -> list[Path]:
-    files = [place / name for name in (*LISTS, *YAMLS, NOTES) if (place / name).is_file()]
+    there = {file.name.lower(): file for file in _files_in(place)}
+    files = [there[name] for name in (*LISTS, *YAMLS, NOTES) if name in there]
     if files:
         return files
     # Ultralytics takes a YAML file of any name, darknet a list
-    others = sorted(file for end in ("yaml", "yml", "names") for file in place.glob(f"*.{end}") if file.is_file())
+    others = sorted(file for file in there.values() if file.suffix.lower() in ENDS)
     return [file for file in others[:MAX_YAMLS] if not file.name.startswith(".") and _has_names(file)]
+
+
+def _files_in(place: Path) -> list[Path]:
+    try:
+        return [file for file in place.iterdir() if file.is_file()]
+    except OSError:  # a folder above that others may not list
+        return []
 
 
 def _has_names(file: Path) -> bool:
@@ -143,19 +153,19 @@ def _keypoint_numbers(content: _Content) -> int | None:
 
 def _content_of(file: Path, collector: Collector) -> _Content:
     text = read_text(file, collector) or ""
-    if file.name in LISTS or file.suffix == ".names":
+    if file.name.lower() in LISTS or file.suffix.lower() == ".names":
         lines = [line.strip() for line in text.splitlines()]
         while lines and not lines[-1]:
             lines.pop()
         return _Content(dict(enumerate(lines[:MAX_CLASSES])))
     try:
-        content = parse_json(text) if file.name == NOTES else yaml.safe_load(text)
+        content = parse_json(text) if file.name.lower() == NOTES else yaml.load(text, UntaggedLoader)
     except (yaml.YAMLError, ValueError, RecursionError, LookupError, AttributeError, TypeError, LabelError) as error:
-        collector.reject(file, 1, f"not {'JSON' if file.name == NOTES else 'YAML'}: {error}")
+        collector.reject(file, 1, f"not {'JSON' if file.name.lower() == NOTES else 'YAML'}: {error}")
         return _Content({})
     if not isinstance(content, dict):
         return _Content({})
-    if file.name == NOTES:
+    if file.name.lower() == NOTES:
         items = _dicts(content.get("categories"))
         return _Content(_named({item.get("id"): item.get("name") for item in items if _hashable(item.get("id"))}))
     names, count = content.get("names"), content.get("nc")

@@ -16,8 +16,8 @@ from labels.formats.exchange import (
     HALF_PIXEL,
     Collector,
     ImportContext,
+    check_numbers,
     finite,
-    refuse_counting_from_1,
     stated_size,
     whole_number,
 )
@@ -112,7 +112,7 @@ def read_tracks(video: Video, context: ImportContext, collector: Collector) -> N
                     if shape.line in held and shape.attributes.get("frame") in held[shape.line]:
                         raise LabelError("not a keyframe, and it only repeats the keyframe before")
                     if context.frame_times_us is not None:
-                        refuse_counting_from_1(numbers, len(context.frame_times_us))
+                        check_numbers(numbers, context.frame_times_us)
                     t_us = context.time_of_frame(whole_number(shape.attribute("frame"), "the frame"))
                     label = label_of_shape(shape, t_us, factors, context)
                     if shape.attributes.get("keyframe", "1") not in TRUE:

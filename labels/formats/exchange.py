@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ from core.errors import LabelError, PluginError, RallyscopeError
 from core.events import SensorSize
 from core.files import replace_file
 from core.registry import Registry
-from core.text import decode_text, encoding_of
+from core.text import compression_of, decode_text, encoding_of
 from labels.formats.picture_names import PictureNumbers, other_camera_in, own_time, stem_of
 from labels.model import Label, LabelState, PositionSource, Provenance
 
@@ -129,6 +130,8 @@ class ImportContext:
     """Name or number of the class that is the ball; None: the one that is called so."""
     scale_pictures: bool = False
     """Whether labels on pictures of another size than the sensor's are scaled, if all have the same."""
+    picture_size: tuple[int, int] | None = None
+    """Width and height of the pictures that were labelled, where the files do not state them; None: the sensor's."""
     empty_pictures: LabelState | None = None
     """What a listed picture without any annotation is; None: nobody looked at it, unless the tool says otherwise."""
     other_cameras: tuple[str, ...] = ()
@@ -138,7 +141,13 @@ class ImportContext:
 
     def is_ball(self, name: str) -> bool:
         """Whether a class of this name is the ball."""
-        return name.strip().casefold() == (self.ball_class or CLASS_NAME).strip().casefold()
+        return _folded(name) == _folded(self.ball_class or CLASS_NAME)
+
+    @property
+    def stated_factors(self) -> tuple[float, float]:
+        """From pixels of pictures whose size is stated by `picture_size` to the sensor's, along x and y."""
+        width, height = self.picture_size or (self.sensor.width_px, self.sensor.height_px)
+        return self.sensor.width_px / width, self.sensor.height_px / height
 
     def pictures(self, names: Iterable[str]) -> PictureTimes:
         """The times of pictures, from all their names together."""
@@ -161,7 +170,8 @@ class ImportContext:
         if self.frame_times_us is None:
             raise LabelError("the time of a picture is not known", got=f"frame {number}", remedy="give --frame-times")
         if not 0 <= number < len(self.frame_times_us) or self.frame_times_us[number] == NO_TIME:
-            expected = f"0 to {len(self.frame_times_us) - 1}"
+            listed = np.flatnonzero(self.frame_times_us != NO_TIME)
+            expected = f"{listed[0]} to {listed[-1]}" if len(listed) else "none: the table is empty"
             raise LabelError("no such frame", expected=expected, got=number)
         return int(self.frame_times_us[number])
 
@@ -256,7 +266,7 @@ class PictureTimes:
             return self.context.time_of_frame(index)
         times = self.context.frame_times_us
         if times is not None and index is None:
-            refuse_counting_from_1(self.numbers.known, len(times))
+            check_numbers(self.numbers.known, times)
         if index is not None and index != number:
             raise LabelError(
                 "the tool's index of a picture is not the number in its name",
@@ -295,16 +305,28 @@ class PictureScaling:
         return self.sensor.width_px / size[0], self.sensor.height_px / size[1]
 
 
-def refuse_counting_from_1(numbers: Sequence[int], times: int) -> None:
-    """Check that pictures are not numbered 1 to N where there are N times: each would be one off.
+def check_numbers(numbers: Sequence[int], times_us: NDArray[np.int64]) -> None:
+    """Hold the numbers of pictures against those of a table of times, which may count from another number.
 
     Raises:
-        LabelError: if they are; `numbers` ascend.
+        LabelError: if pictures 1 to N meet N times from 0, pictures from 0 a table from 1, or numbers with gaps as many
+            times as pictures: each picture would have the time of another. `numbers` ascend.
     """
-    if numbers and numbers[0] >= 1 and numbers[-1] == times and times > 1:
+    if not numbers:
+        return
+    listed = np.flatnonzero(times_us != NO_TIME)
+    first, last = (int(listed[0]), int(listed[-1])) if len(listed) else (0, -1)
+    what = ""
+    if len(listed) > 1 and first == 0 and numbers[0] >= 1 and numbers[-1] == last + 1:
+        what = "pictures seem to be numbered from 1, and times are counted from 0"
+    elif first == 1 and numbers[0] == 0:
+        what = "pictures are numbered from 0, and times are counted from 1"
+    elif len(listed) == last + 1 == len(numbers) > 1 and numbers[-1] > last and numbers[-1] - numbers[0] > last:
+        what = "as many times as pictures, whose numbers have gaps: the table seems to list them in their order"
+    if what:
         raise LabelError(
-            "pictures seem to be numbered from 1, and times are counted from 0",
-            expected=f"0 to {times - 1}",
+            what,
+            expected=f"{first} to {last}",
             got=f"{numbers[0]} to {numbers[-1]}",
             remedy="--frame-times with the columns frame,t_us or name,t_us tells",
         )
@@ -334,6 +356,10 @@ class SamePictures:
         got = f"{picture[:100]!r} in {other.name} too"
         collector.reject(file, 1, LabelError(what, got=got, remedy="import one of the files"))
         return False
+
+
+def _folded(name: str) -> str:
+    return unicodedata.normalize("NFC", name.strip()).casefold()
 
 
 def stated_size(width: object, height: object) -> tuple[float, float] | None:
@@ -497,6 +523,9 @@ def read_text(file: Path, collector: Collector) -> str | None:
     except OSError as error:
         collector.reject(file, 1, error.strerror or error)
         return None
+    if (packed := compression_of(content[:512])) is not None:
+        collector.reject(file, 1, LabelError(f"the file is compressed ({packed})", remedy="unpack it first"))
+        return None
     try:
         text = decode_text(content)
     except UnicodeDecodeError as error:
@@ -533,17 +562,19 @@ def files_at(path: Path, suffix: str, collector: Collector) -> list[Path]:
     """The file itself, or all files with this suffix in a folder, else in the folders below; rejects an empty place."""
     if path.is_file():
         return [path]
-    found = _visible(path.glob(f"*{suffix}")) if path.is_dir() else []
+    found = _visible(path.iterdir(), suffix) if path.is_dir() else []
     if not found and path.is_dir():
-        found = _visible(path.rglob(f"*{suffix}"))
+        found = _visible(path.rglob("*"), suffix)
     if not found:
         collector.reject(path, 1, f"no {suffix} files here")
     return found
 
 
-def _visible(files: Iterable[Path]) -> list[Path]:
-    """The files among them, without the hidden ones that systems leave beside others."""
-    return sorted(file for file in files if not file.name.startswith(".") and file.is_file())
+def _visible(files: Iterable[Path], suffix: str) -> list[Path]:
+    """The files of an ending, in capitals too, without the hidden ones that systems leave beside others."""
+    return sorted(
+        file for file in files if file.suffix.lower() == suffix and not file.name.startswith(".") and file.is_file()
+    )
 
 
 def write_text(file: Path, text: str) -> Path:

@@ -33,6 +33,8 @@ class ImportChoices:
     times: FrameTimes = field(default_factory=FrameTimes)
     ball_class: str | None = None
     scale_pictures: bool = False
+    picture_size: tuple[int, int] | None = None
+    """Of the pictures, where the files do not state it."""
     empty_is_no_ball: bool = False
     """Somebody looked at listed pictures without any annotation."""
 
@@ -51,6 +53,7 @@ def import_context(
         times_by_name=choices.times.by_name_us,
         ball_class=choices.ball_class,
         scale_pictures=choices.scale_pictures,
+        picture_size=choices.picture_size,
         empty_pictures=LabelState.NO_BALL if choices.empty_is_no_ball else None,
         other_cameras=tuple(name for name in recording.cameras if name != camera),
         end_us=recording.duration_us,

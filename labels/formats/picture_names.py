@@ -8,6 +8,7 @@ would mean the same picture, of two folders or two hashes, mean none: they are o
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Final
@@ -91,9 +92,10 @@ def stem_of(picture: str) -> str:
 
 def _last_part(picture: str) -> str:
     """The name without folders; one that a tool encoded for an address is decoded, but for ours, whose camera is so."""
-    name = picture.strip().replace("\\", "/").rsplit("/", 1)[-1]
+    # macOS stores composed letters as two characters; a list from elsewhere has one.
+    name = unicodedata.normalize("NFC", picture.strip()).replace("\\", "/").rsplit("/", 1)[-1]
     if "%" in name and _OURS_ANYWHERE.search(name) is None:
-        name = unquote(name).replace("\\", "/").rsplit("/", 1)[-1]
+        name = unicodedata.normalize("NFC", unquote(name)).replace("\\", "/").rsplit("/", 1)[-1]
     return name
 
 

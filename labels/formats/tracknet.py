@@ -16,6 +16,7 @@ import numpy as np
 
 from core.errors import LabelError
 from labels.formats.exchange import (
+    HALF_PIXEL,
     Collector,
     Exported,
     ExportOptions,
@@ -23,12 +24,12 @@ from labels.formats.exchange import (
     Imported,
     LabelSet,
     SamePictures,
+    check_numbers,
     count_losses,
     files_at,
     finite,
     picture_name,
     read_text,
-    refuse_counting_from_1,
     table_rows,
     whole_number,
     write_text,
@@ -167,7 +168,7 @@ def _read_table(table: _Table, times: dict[int, int] | None, context: ImportCont
                 t_us = pictures.time_of(picture)
             else:
                 if times is None and context.frame_times_us is not None:
-                    refuse_counting_from_1(numbers, len(context.frame_times_us))
+                    check_numbers(numbers, context.frame_times_us)
                 t_us = _time_of(picture, times, context)
             collector.add(_label_of(fields, columns, t_us, context), file, line)
 
@@ -224,6 +225,9 @@ def _label_of(fields: list[str], columns: _Columns, t_us: int, context: ImportCo
             raise LabelError("outside the picture", expected="shares of it, 0 to 1", got=(x, y))
         # Qt counts from the corner of the picture.
         x, y = x * context.sensor.width_px - 0.5, y * context.sensor.height_px - 0.5
+    else:
+        across, down = context.stated_factors
+        x, y = (x + HALF_PIXEL) * across - HALF_PIXEL, (y + HALF_PIXEL) * down - HALF_PIXEL
     hidden = {1: LabelState.VISIBLE, 2: LabelState.PARTLY_OCCLUDED, 3: LabelState.OCCLUDED}
     return context.ball(t_us, hidden[visibility], x, y, None)
 

@@ -20,6 +20,7 @@ from labels.formats.class_names import BallClass, find_ball_class
 from labels.formats.exchange import (
     CLASS_NAME,
     HALF_PIXEL,
+    SAME_SHAPE,
     Collector,
     Exported,
     ExportOptions,
@@ -34,6 +35,7 @@ from labels.formats.exchange import (
     whole_number,
     write_text,
 )
+from labels.formats.picture_files import PictureFiles
 from labels.model import Label, LabelState
 
 CLASSES = "classes.txt"
@@ -114,11 +116,35 @@ def read_yolo(path: Path, context: ImportContext) -> Imported:
     for folder, ball in balls.items():
         if ball is not None and not _classes_fit(folder, ball, texts, collector):
             balls[folder] = None
+    pictures = PictureFiles()
     for file, text in texts.items():
         ball = balls[file.parent]
         if ball is not None:
+            try:
+                _check_shape(pictures.size_beside(file), context)
+            except LabelError as error:
+                collector.reject(file, 1, error)
+                continue
             _read_file(text, _Picture(file, names[file]), ball, times, context, collector)
     return collector.done()
+
+
+def _check_shape(size: tuple[int, int] | None, context: ImportContext) -> None:
+    """Hold the picture that lies beside a text against the sensor: shares of a padded picture are none of the sensor.
+
+    Raises:
+        LabelError: if it has another shape, and nobody says that it is stretched.
+    """
+    if size is None or context.scale_pictures:
+        return
+    width, height = context.sensor.width_px, context.sensor.height_px
+    if abs(size[0] * height / (size[1] * width) - 1) > SAME_SHAPE:
+        raise LabelError(
+            "the picture has another shape than the sensor",
+            expected=str(context.sensor),
+            got=f"{size[0]}x{size[1]}",
+            remedy="take the pictures without padding; --scale-pictures if they were stretched",
+        )
 
 
 def _classes_fit(folder: Path, ball: BallClass, texts: dict[Path, str], collector: Collector) -> bool:
@@ -155,9 +181,10 @@ def _texts_at(path: Path, collector: Collector) -> list[Path]:
     """The texts with labels, not those with lists of names or of pictures."""
     if path.is_file():
         return [path]
-    places = (path.glob("*.txt"), path.rglob("*.txt")) if path.is_dir() else ()
+    places = (path.iterdir(), path.rglob("*")) if path.is_dir() else ()
     for place in places:
-        found = sorted(file for file in place if file.is_file() and not NO_LABELS.match(file.name))
+        texts = (file for file in place if file.suffix.lower() == ".txt" and file.is_file())
+        found = sorted(file for file in texts if not NO_LABELS.match(file.name))
         if found:
             return found
     if not any((path / name).is_file() for name in (CLASSES, "data.yaml")):
@@ -215,7 +242,9 @@ def _label_of(numbers: list[float], ball: BallClass, t_us: int, context: ImportC
         raise LabelError("the box is empty", got=box)
     if point and (len(point) == 2 or point[2] > 0):
         if not all(0 <= share <= 1 for share in point[:2]):
-            raise LabelError("the keypoint is outside the picture", expected="shares, 0 to 1", got=point[:2])
+            what = f"the {count + 1} columns are no box with a keypoint"
+            expected = "class, box, x and y as shares, 0 to 1"
+            raise LabelError(what, expected=expected, got=numbers, remedy="leave out what is neither box nor keypoint")
         if abs(point[0] - x) > 2 * w or abs(point[1] - y) > 2 * h:
             raise LabelError("the keypoint lies far from its box", got=numbers)
         x, y = point[:2]

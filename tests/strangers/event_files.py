@@ -9,6 +9,7 @@ from typing import NamedTuple
 import h5py
 import numpy as np
 from numpy.typing import NDArray
+from scipy.io import savemat
 
 
 class Rows(NamedTuple):
@@ -123,6 +124,27 @@ def aedat2(rows: Rows, chip: bytes, width: int, height: int) -> bytes:
     address = (width - 1 - rows.x) << 12 | (height - 1 - rows.y) << 22 | rows.p << 11
     head = b"#!AER-DAT2.0\r\n# AEChip: " + chip + b"\r\n# End of ASCII Header\r\n"
     return head + np.stack([address, rows.t % (1 << 32)], 1).astype(">u4").tobytes()
+
+
+def aedat3(rows: Rows, camera: bytes = b"DAVIS346", *, part: int = 300, more: bytes = b"") -> bytes:
+    """AEDAT 3.1: packets of polarity events, one event in each that is not valid, and `more` before the last one."""
+    out = b"#!AER-DAT3.1\r\n#Format: RAW\r\n#Source 1: " + camera + b"\r\n#!END-HEADER\r\n"
+    for first in range(0, len(rows.t), part):
+        t, x, y, p = (column[first : first + part].astype(np.int64) for column in rows)
+        words = np.append(x << 17 | y << 2 | p << 1 | 1, 9 << 17)  # the last has no valid bit
+        times = np.append(t, t[-1]) & 0x7FFFFFFF
+        head = struct.pack("<hhiiiiii", 1, 1, 8, 4, int(t[0] >> 31), len(words), len(words), len(words) - 1)
+        out += (
+            (more if first + part >= len(rows.t) else b"") + head + np.stack([words, times], 1).astype("<u4").tobytes()
+        )
+    return out
+
+
+def mat5(path: Path, **variables: object) -> Path:
+    """A MAT-file of version 5."""
+    with path.open("wb") as file:
+        savemat(file, variables)
+    return path
 
 
 def event_stream(rows: Rows, width: int, height: int) -> bytes:

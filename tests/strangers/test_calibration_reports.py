@@ -214,3 +214,102 @@ def test_a_calibration_whose_name_is_no_text_is_kept_with_its_remark(tmp_path: P
     assert main(["import", str(tmp_path / "a.npz"), str(tmp_path / "a.h5"), *words]) == 0
     with open_recording(tmp_path / "a.h5") as recording:
         assert "names no lens model" in " ".join(recording.notes)
+
+
+ANIPOSE = """
+[cam_0]
+name = "left"
+size = [1280, 720]
+matrix = [[1000.0, 0.0, 640.0], [0.0, 1000.0, 360.0], [0.0, 0.0, 1.0]]
+distortions = [-0.3, 0.1, 0.001, 0.001, 0.0]
+rotation = [0.0, 0.0, 0.0]
+translation = [0.0, 0.0, 0.0]
+
+[cam_1]
+size = [1280, 720]
+matrix = [[900.0, 0.0, 640.0], [0.0, 900.0, 360.0], [0.0, 0.0, 1.0]]
+distortions = [0.1, 0.01, 0.0, 0.0]
+fisheye = true
+rotation = [0.0, 1.5707963267948966, 0.0]
+translation = [-0.5, 0.0, 0.2]
+
+[metadata]
+error = 0.35
+"""
+
+
+def test_the_toml_of_anipose_is_read_with_its_poses_from_world_to_camera(tmp_path: Path) -> None:
+    """https://github.com/lambdaloop/anipose/issues/17, perfanalytics/pose2sim/issues/136: "neither TOML nor YAML"."""
+    (tmp_path / "calibration.toml").write_text(ANIPOSE)
+    cameras = read_calibration_file(tmp_path / "calibration.toml").cameras
+    assert [*cameras] == ["left", "cam_1"] and cameras["cam_1"].model == "fisheye"
+    np.testing.assert_array_equal(cameras["left"].distortion, [-0.3, 0.1, 0.001, 0.001, 0.0])
+    # A quarter turn about y: the camera's z is the world's -x. C = -R^T t.
+    np.testing.assert_allclose(cameras["cam_1"].T_world_camera[:3, 2], [-1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(cameras["cam_1"].position_world_m, [0.2, 0, 0.5], atol=1e-12)
+
+
+def test_the_toml_of_anipose_with_matrices_below_cameras_and_in_millimetres(tmp_path: Path) -> None:
+    """Variation: Caliscope's newer form."""
+    text = ANIPOSE.replace("[cam_", "[cameras.").replace("= [0.0, 0.0, 0.0]\ntr", f"= {ONE}\ntr")
+    text = 'unit = "mm"\n' + text.replace("-0.5, 0.0, 0.2", "-500.0, 0.0, 200.0")
+    (tmp_path / "a.toml").write_text(text)
+    cameras = read_calibration_file(tmp_path / "a.toml").cameras
+    np.testing.assert_allclose(cameras["1"].position_world_m, [0.2, 0, 0.5], atol=1e-12)
+
+
+OTHER_TOML = "[camera]\nfocal = 3\n"
+LENS = f"image_width: 640\nimage_height: 480\ncamera_matrix: {[[400, 0, 320], [0, 400, 240], [0, 0, 1]]}\n"
+FOUR = "distortion_coefficients: [-0.1, 0.01, 0.001, 0.001]\n"
+
+
+@pytest.mark.parametrize("key", ["calibration_type", "projection", "lens", "Projection-Model", "model", "camera_model"])
+def test_a_lens_model_counts_whatever_its_key_is_called(tmp_path: Path, key: str) -> None:
+    (tmp_path / "a.yml").write_text(f"{LENS}{FOUR}{key}: fisheye\n")
+    found = read_calibration_file(tmp_path / "a.yml")
+    assert found.cameras["camera"].model == "fisheye" and not found.notes
+
+
+@pytest.mark.parametrize(
+    ("lines", "said"),
+    [
+        ("model: omnidir\n", "unsupported lens model.*omnidir"),
+        ("type: MEI\n", "unsupported lens model.*MEI"),
+        ("xi: 1.2\n", "unsupported lens model.*xi 1.2"),
+        ("mirror_parameters: {xi: 0.9}\n", "unsupported lens model.*xi 0.9"),
+        ("distortion: {model: double_sphere}\n", "unsupported lens model.*double_sphere"),
+        ("lens: hyperbolic\n", "unsupported lens model.*hyperbolic"),
+        ("units: inch\n", "units: another unit; expected m, cm or mm.*inch"),
+    ],
+)
+def test_a_model_or_a_unit_that_is_not_known_is_refused_by_its_name(tmp_path: Path, lines: str, said: str) -> None:
+    (tmp_path / "a.yml").write_text(f"{LENS}{FOUR}{lines}")
+    with pytest.raises(CalibrationError, match=said):
+        read_calibration_file(tmp_path / "a.yml")
+
+
+def test_the_name_of_the_camera_is_no_lens_model(tmp_path: Path) -> None:
+    (tmp_path / "a.yml").write_text(f"{LENS}{FOUR}model: DAVIS346\ntype: event\ncamera_name: mei\n")
+    assert read_calibration_file(tmp_path / "a.yml").cameras["camera"].model == "pinhole"
+
+
+@pytest.mark.parametrize("tag", ["!Camera", "!!python/object:rig.Camera", "!!map"])
+def test_a_tag_that_nobody_needs_does_not_refuse_a_file(tmp_path: Path, tag: str) -> None:
+    lens = "".join(f"  {line}\n" for line in f"{LENS}{FOUR}distortion_model: plumb_bob".splitlines())
+    (tmp_path / "a.yml").write_text(f"--- {tag}\n{lens}  extra: !!python/tuple [1, 2]\n")
+    found = read_calibration_file(tmp_path / "a.yml").cameras["camera"].distortion
+    np.testing.assert_array_equal(found[:4], [-0.1, 0.01, 0.001, 0.001])
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"\x1f\x8b\x08\x00" + bytes(30), "compressed .gzip."),
+        (OTHER_TOML.encode(), "does not say for which picture size"),
+        (b"[cam]\nK = [1, 2\n", "not a TOML file"),
+    ],
+)
+def test_the_reason_is_that_of_the_form_that_the_file_has(tmp_path: Path, content: bytes, said: str) -> None:
+    (tmp_path / "a.yml").write_bytes(content)
+    with pytest.raises(CalibrationError, match=said):
+        read_calibration_file(tmp_path / "a.yml")

@@ -8,7 +8,8 @@ from __future__ import annotations
 import os
 import re
 import struct
-from collections.abc import Callable
+import zipfile
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -39,6 +40,16 @@ DAT2_TURNED = b"% Data file containing CD events.\n% Version 2\n% Width 480\n% H
 EPOCH_US = 1_600_000_000_000_000
 UNSTATED = Stated()
 UPSIDE = np.where(VGA.p, 1, -1)
+FULL = VGA.with_row(0, int(VGA.t[0]), 639, 479, 1)
+"""With the last pixel of the sensor."""
+UPSIDE_FULL = np.where(FULL.p, 1, -1)
+WIDE = VGA._replace(x=np.where(np.arange(len(VGA.t)) < 8, 600, VGA.x % 480), y=VGA.y % 470)
+"""Few events lie beside 480 columns: too few to refuse a size for."""
+NARROW = VGA._replace(x=VGA.x % 480, y=VGA.y + 100)
+TD_NAMES = ("ts", "x", "y", "p")
+SIZE = {"width": 640, "height": 480}
+IMU = struct.pack("<hhiiiiii", 3, 1, 36, 4, 0, 1, 1, 1) + bytes(36)
+"""A packet of AEDAT 3 that holds no events."""
 
 
 def import_file(paths, out, **options) -> ImportSummary:
@@ -46,6 +57,19 @@ def import_file(paths, out, **options) -> ImportSummary:
     summary = import_recording(paths, out, **options)
     assert summary is not None
     return summary
+
+
+def faery_csv(rows):
+    """Text with the size of the sensor in the names of its columns."""
+    lines = (f"{t},{x},{y},{'true' if p else 'false'}" for t, x, y, p in zip(*(c.tolist() for c in rows), strict=True))
+    return ("t,x@640,y@480,on\n" + "\n".join(lines) + "\n").encode()
+
+
+def zipped(path, name, content):
+    """An archive of one member."""
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr(name, content)
+    return path
 
 
 def later(rows, by_us):
@@ -58,7 +82,7 @@ def again(rows, first, last, *, at):
     return make.Rows(*(np.concatenate([column[:at], column[first:last], column[at:]]) for column in rows))
 
 
-def columns(rows, names="txyp", **changes):
+def columns(rows, names: Sequence[str] = "txyp", **changes):
     """Columns by name."""
     return {name: changes.get(name, column) for name, column in zip(names, rows, strict=True)}
 
@@ -234,7 +258,53 @@ CASES = [
          lambda p: make.write(p, make.aedat2(DAVIS, b"Celex5", 346, 260)), rows=None,
          said="the addresses of this camera are not known"),
     Case("neuromorphs/tonic#224", "AEDAT 3.1 where AEDAT4 is expected",
-         lambda p: make.write(p, b"#!AER-DAT3.1\r\n#Format: RAW\r\n"), rows=None, said="an older AEDAT version"),
+         lambda p: make.write(p, b"#!AER-DAT3.1\r\n#Format: RAW\r\n"), rows=None, said="header has no end"),
+    Case("neuromorphs/tonic#224", "AEDAT 3.1 of a DAVIS346, with a packet of the IMU in between",
+         lambda p: make.write(p, make.aedat3(DAVIS, more=IMU)), rows=DAVIS, sensor="346x260", needs_size=False),
+    Case("neuromorphs/tonic#224", "AEDAT 3.1 whose clock of 31 bits goes on in the header of the packet",
+         lambda p: make.write(p, make.aedat3(later(DAVIS, 5 << 31))), rows=DAVIS, sensor="346x260", needs_size=False),
+    Case("neuromorphs/tonic#224", "AEDAT 3.1 that was cut within a packet",
+         lambda p: make.write(p, make.aedat3(DAVIS) + make.aedat3(DAVIS)[-1000:-7]), rows=DAVIS, sensor="346x260",
+         said="no whole packet follows", needs_size=False),
+    Case("aestream/faery", "the CSV that faery writes: the size stands behind the names",
+         lambda p: make.write(p, faery_csv(VGA)), needs_size=False),
+    Case("neuromorphs/tonic#213", "MATLAB: a struct TD of columns in version 5",
+         lambda p: make.mat5(p, TD={name: column[:, None] for name, column in columns(VGA, TD_NAMES).items()})),
+    Case("neuromorphs/tonic#213", "MATLAB: addresses that count from 1, and the size of the sensor",
+         lambda p: make.mat5(p, TD={**columns(FULL, TD_NAMES, x=FULL.x + 1, y=FULL.y + 1, p=UPSIDE_FULL), **SIZE}),
+         rows=FULL, said="count from 1", needs_size=False),
+    Case("neuromorphs/tonic#213", "MATLAB: events two structs deep, as AedatTools has them",
+         lambda p: make.mat5(p, aedat={"data": {"polarity": columns(VGA, ("timeStamp", "x", "y", "polarity"))}})),
+    Case("neuromorphs/tonic#213", "MATLAB: no events in it",
+         lambda p: make.mat5(p, pictures=np.zeros((4, 4))), rows=None, said="no events in the MAT-file.*got pictures"),
+    Case("losonczylab/sima#181", "MATLAB 7.3: the vectors lie, (1, N)",
+         lambda p: make.hdf5(p, group("TD/", {name: one[None] for name, one in columns(VGA, TD_NAMES).items()}))),
+    Case("open-mmlab/mmdetection3d#296", "seconds since 1970 as float32",
+         lambda p: make.npz(p, **columns(VGA, t=(1.7e9 + VGA.t / 1e6).astype(np.float32))), rows=None,
+         said="rounded where the file was written.*steps of 128"),
+    Case("own variation", "microseconds as float32 in steps of milliseconds",
+         lambda p: make.npz(p, **columns(VGA, t=(2e10 + VGA.t).astype(np.float32))), rows=None, said="too coarse"),
+    Case("r00tman/EventNeRF#7", "one time for all events",
+         lambda p: make.npz(p, **columns(VGA, t=np.full(len(VGA.t), 5))), rows=VGA._replace(t=0 * VGA.t),
+         said="all 2,000 events have one time, 5"),
+    Case("own variation", "a portrait sensor in the attributes, which the addresses contradict",
+         lambda p: make.hdf5(p, group("events/", columns(WIDE)), width=480, height=640), rows=None,
+         said="width and height of the sensor are exchanged; expected 640x480"),
+    Case("own variation", "a sensor that stands upright",
+         lambda p: make.hdf5(p, group("events/", columns(NARROW)), width=480, height=640), rows=NARROW,
+         sensor="480x640", said="higher than wide", needs_size=False),
+    Case("own variation", "a unit of time that nobody knows, as an attribute",
+         lambda p: make.hdf5(p, group("events/", columns(VGA)), time_unit="ticks"), rows=None,
+         said="another unit of time.*'ticks'.*--time-unit"),
+    Case("own variation", "such a unit, and what it is",
+         lambda p: make.hdf5(p, group("events/", columns(VGA)), time_unit="ticks"), stated=Stated(time_unit="us"),
+         said="though it says ticks"),
+    Case("LAL/trackml-library#10", "an archive of a text",
+         lambda p: zipped(p, "events.txt", b"0.1 3 4 1\n"), rows=None, said="without NumPy arrays; got events.txt"),
+    Case("own variation", "np.savez that was interrupted",
+         lambda p: zipped(p, "t.npy", b""), rows=None, said="holds no array"),
+    Case("own variation", "a file that is compressed",
+         lambda p: make.write(p, b"\x28\xb5\x2f\xfd" + bytes(40)), rows=None, said="compressed \\(Zstandard\\)"),
     Case("aestream/faery#26", "Event Stream with one event outside the sensor",
          lambda p: make.write(p, make.event_stream(stray(900, VGA.t[900], 5000), 640, 480)),
          said="1 events outside the 640x480 sensor"),

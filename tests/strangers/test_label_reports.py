@@ -6,13 +6,16 @@
 from __future__ import annotations
 
 import json
+import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
-from tests.labels.formats.import_command import Row, import_files
+from tests.labels.formats.import_command import SENSOR, Row, import_files
 
 BALL = "0.5 0.25 0.015625 0.0277778"
 AT: Row = (10_000, "visible", 639.5, 179.5)
@@ -349,3 +352,106 @@ def test_what_was_reported_is_read_right_or_refused(report: Report, tmp_path: Pa
 def test_each_report_is_named_with_what_was_wrong() -> None:
     assert len({report.link for report in REPORTS}) >= 20
     assert all(report.link.startswith("https://github.com/") and report.was[-1] in ".)" for report in REPORTS)
+
+
+YOLO_SET = {"labels/frame_000001.txt": f"0 {BALL}", "data.yaml": "names: [ball]\n"}
+FROM_1 = "frame,t_us\n" + "".join(f"{k},{1000 * k}\n" for k in range(1, 50))
+
+
+def png(width: int, height: int) -> bytes:
+    fine, content = cv2.imencode(".png", np.zeros((height, width), np.uint8))
+    assert fine
+    return content.tobytes()
+
+
+def numbered(first: int, last: int) -> dict[str, str]:
+    """A text of YOLO for each picture from `first` to `last`, and the list of classes."""
+    return {**{f"frame_{k:06d}.txt": f"0 {BALL}" for k in range(first, last + 1)}, "classes.txt": "ball\n"}
+
+
+@pytest.mark.parametrize(("size", "code"), [((640, 640), 2), ((640, 360), 0), ((1280, 720), 0)])
+@pytest.mark.parametrize("place", ["images/", "labels/"])
+def test_the_pictures_beside_yolo_labels_tell_whether_they_were_padded(
+    size: tuple[int, int], code: int, place: str, tmp_path: Path
+) -> None:
+    """https://github.com/ultralytics/yolov5/issues/4952: labels of padded pictures were 79 px off."""
+    files = {
+        "labels/frame_000001.txt": f"0 {BALL}",
+        "data.yaml": "names: [ball]\n",
+        f"{place}frame_000001.PNG": png(*size),
+    }
+    made = import_files(tmp_path, "yolo", files)
+    assert made.code == code
+    assert made.rows == [pytest.approx(AT)] if not code else "expected 1280x720, got 640x640" in made.said
+
+
+def test_stretched_pictures_beside_yolo_labels_are_taken_as_told(tmp_path: Path) -> None:
+    files = {
+        "labels/frame_000001.txt": f"0 {BALL}",
+        "data.yaml": "names: [ball]\n",
+        "images/frame_000001.png": png(64, 64),
+    }
+    assert import_files(tmp_path, "yolo", files, "--scale-pictures").times == [10_000]
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "times", "said"),
+    [
+        (
+            0,
+            4,
+            "frame,t_us\n" + "".join(f"{k},{1000 * k}\n" for k in range(1, 50)),
+            "from 0, and times are counted from 1",
+        ),
+        (1, 5, "t_us\n0\n1000\n2000\n3000\n4000\n", "numbered from 1, and times are counted from 0"),
+    ],
+)
+def test_pictures_and_times_that_count_differently_are_refused_as_a_whole(
+    first: int, last: int, times: str, said: str, tmp_path: Path
+) -> None:
+    """https://github.com/favyen/miris/issues/4: four of five labels were stored one picture early."""
+    made = import_files(tmp_path, "yolo", numbered(first, last), times=times)
+    assert made.code == 2 and said in made.said
+
+
+def test_as_many_times_as_pictures_whose_numbers_have_gaps_are_not_counted_by_row(tmp_path: Path) -> None:
+    files = {f"frame_{k:06d}.txt": f"0 {BALL}" for k in (0, 10, 20)} | {"classes.txt": "ball\n"}
+    made = import_files(tmp_path, "yolo", files, times="t_us\n0\n5000\n10000\n")
+    assert made.code == 2 and "numbers have gaps" in made.said
+
+
+def test_names_are_compared_as_letters_and_endings_in_any_case(tmp_path: Path) -> None:
+    """https://github.com/llmsresearch/paperbanana/issues/234: macOS writes a letter and its dots as two characters."""
+    name = "Aufschl\u00e4ge_000001"
+    times = f"name,t_us\n{unicodedata.normalize('NFD', name)}.PNG,10000\n"
+    files = {f"{name}.TXT": f"1 {BALL}", "Classes.TXT": "racket\nb\u00e4ll\n"}
+    made = import_files(tmp_path, "yolo", files, "--ball-class", unicodedata.normalize("NFD", "B\u00e4ll"), times=times)
+    assert made.rows == [pytest.approx(AT)]
+
+
+@pytest.mark.parametrize(("kind", "name"), [("tracknet", "A.CSV"), ("coco", "A.JSON"), ("voc", "A.XML")])
+def test_a_file_whose_ending_is_in_capitals_is_looked_into(kind: str, name: str, tmp_path: Path) -> None:
+    assert f"no {Path(name).suffix.lower()} files here" not in import_files(tmp_path, kind, {name: "?"}).said
+
+
+def test_a_folder_of_nothing_is_no_success(tmp_path: Path) -> None:
+    made = import_files(tmp_path, "yolo", {"classes.txt": "ball\n"})
+    assert made.code == 2 and "nothing to import" in made.error and "none in 0 files" in made.error
+
+
+def test_a_compressed_file_is_called_so(tmp_path: Path) -> None:
+    made = import_files(tmp_path, "coco", {"a.json": b"\x1f\x8b\x08" + bytes(20)})
+    assert made.code == 2 and "compressed (gzip)" in made.said
+
+
+def test_the_size_of_tracknet_s_pictures_is_stated(tmp_path: Path) -> None:
+    table = {"a.csv": "Frame,Visibility,X,Y\n1,1,319.5,89.5\n"}
+    made = import_files(tmp_path, "tracknet", table, "--picture-size", "640x360")
+    assert (SENSOR.width_px, SENSOR.height_px) == (1280, 720) and made.rows == [
+        pytest.approx((10_000, "visible", 639.5, 179.5))
+    ]
+
+
+def test_a_yaml_with_tags_still_names_the_classes(tmp_path: Path) -> None:
+    files = {"frame_000001.txt": f"1 {BALL}", "data.yaml": "!Set\nnames: !!python/tuple [racket, ball]\n"}
+    assert import_files(tmp_path, "yolo", files).rows == [pytest.approx(AT)]

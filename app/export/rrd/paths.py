@@ -99,7 +99,7 @@ def rerun_file(
 def _optimize(raw: Path, path: Path) -> None:
     """Let Rerun pack the file: fewer and larger chunks open faster."""
     packed = raw.with_name("packed.rrd")
-    command = [sys.executable, "-m", "rerun", "rrd", "optimize", raw.name, "-o", packed.name]
+    command = [sys.executable, "-P", "-m", "rerun", "rrd", "optimize", raw.name, "-o", packed.name]
     # In their folder and by names of our own: Rerun takes no name that is not UTF-8.
     done = subprocess.run(command, cwd=raw.parent, capture_output=True, text=True, errors="replace", check=False)
     if done.returncode or not packed.is_file():

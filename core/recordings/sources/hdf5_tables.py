@@ -60,7 +60,10 @@ class _Table:
             rows = dataset_at(file, self.path)[first:last]
             return RawColumns(*(rows[name].reshape(-1) for name in self.names))
         group = group_at(file, self.path)
-        return RawColumns(*(np.asarray(dataset_at(group, name)[first:last]).reshape(-1) for name in self.names))
+        columns = (dataset_at(group, name) for name in self.names)
+        # MATLAB's dimensions are turned round in HDF5: its columns are (1, N).
+        parts = (one[:, first:last] if _lies(one.shape) else one[first:last] for one in columns)
+        return RawColumns(*(np.asarray(part).reshape(-1) for part in parts))
 
     def count(self, file: h5py.File, path: Path) -> int:
         """How many rows there are.
@@ -71,12 +74,16 @@ class _Table:
         if self.records:
             return len(dataset_at(file, self.path))
         shapes = {name: dataset_at(group_at(file, self.path), name).shape for name in self.names}
-        if any(not shape or np.prod(shape) != shape[0] for shape in shapes.values()):
+        if any(not shape or np.prod(shape) != max(shape[0], shape[-1] * _lies(shape)) for shape in shapes.values()):
             raise RecordingError("event columns are no columns", expected="one number a row", got=shapes, where=path)
-        lengths = {name: shape[0] for name, shape in shapes.items()}
+        lengths = {name: int(np.prod(shape)) for name, shape in shapes.items()}
         if len(set(lengths.values())) != 1:
             raise RecordingError("event columns differ in length", expected="equal lengths", got=lengths, where=path)
         return lengths[self.names[0]]
+
+
+def _lies(shape: tuple[int, ...]) -> bool:
+    return len(shape) == 2 and shape[0] == 1
 
 
 def open_hdf5_table(path: Path, sensor: SensorSize | None) -> list[EventSource] | None:
@@ -173,6 +180,8 @@ def _stated_unit(holders: list[h5py.Group | h5py.Dataset]) -> str | None:
             value = np.asarray(holder.attrs.get(name, "")).reshape(-1)
             word = value[0].decode("latin-1") if value.size and isinstance(value[0], bytes) else str(*value[:1])
             unit = _UNIT_WORDS.get(word.strip().lower().removesuffix("s")) if word.strip() else None
+            if unit is None and word.strip() and (holder is holders[0] or "time" in name):
+                return word.strip()  # of the times, and none that is known: refused by this name
             if unit is not None:
                 return unit
     return None

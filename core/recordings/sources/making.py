@@ -98,6 +98,15 @@ def make_table_source(
 
     def read(report: DecodeReport) -> Iterator[Events]:
         _note_size(report, path, size, whence, label)
+        if look().addresses.are_turned(size):
+            column, row = look().addresses.largest
+            raise RecordingError(
+                "width and height of the sensor are exchanged",
+                expected=f"{size.height_px}x{size.width_px}, which holds all addresses up to {column}, {row}",
+                got=str(size),
+                where=path,
+                remedy="give --width and --height",
+            )
         for note in assumed:
             report.assume(note)
         report.notes.extend(remarks)
@@ -110,7 +119,9 @@ def make_table_source(
 
 
 def _note_size(report: DecodeReport, path: Path, size: SensorSize, whence: Whence, label: str) -> None:
-    """Say of a sensor size that the file does not state why it is taken."""
+    """Say of a sensor size that the file does not state why it is taken, and of an upright one that it is one."""
+    if whence == Whence.FILE and size.height_px > size.width_px:
+        report.assume(f"{path.name} states a sensor that is higher than wide, {size}; see --width and --height.")
     if whence == Whence.ASSUMED:
         report.assume(f"{path.name} does not name its sensor size; {size} is assumed from the events.")
     elif whence == Whence.DATA_SET:

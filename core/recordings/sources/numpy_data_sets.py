@@ -41,6 +41,10 @@ def open_numpy_data_set(path: Path, sensor: SensorSize | None) -> list[EventSour
             members = archive.namelist()
     except _BROKEN:
         return None
+    if members and not any(name.endswith((".npy", ".pkl")) for name in members):
+        files = [name for name in members if not name.endswith("/") and not name.startswith("__MACOSX")]
+        got = ", ".join(files[:3]) + (", ..." if len(files) > 3 else "")
+        raise RecordingError("a ZIP archive without NumPy arrays", got=got, where=path, remedy="unpack it first")
     if any(name.endswith("data.pkl") for name in members):
         raise pickled(path)
     names = {name.removesuffix(".npy") for name in members}

@@ -75,6 +75,9 @@ def _load(path: Path) -> _Loaded:
         names = [name for name in loaded.files if f"{name}.npy" in loaded.zip.namelist()]
         if not names:
             raise ValueError("an archive without NumPy arrays; unpack it")
+        broken = [name for name in names if not isinstance(loaded[name], np.ndarray)]
+        if broken:  # np.savez was interrupted: NumPy then gives the bytes of the member
+            raise ValueError(f"{broken[0]}.npy in it holds no array; was it written to its end?")
         small = {name: loaded[name] for name in names if _is_about_size(name)}
         stated = size_in_attributes(small)
         others = [name for name in names if name not in small]

@@ -11,6 +11,7 @@ import h5py
 from core.errors import RecordingError
 from core.events import SensorSize
 from core.recordings.sources.aedat2 import open_aedat2
+from core.recordings.sources.aedat3 import open_aedat3
 from core.recordings.sources.aedat4 import open_aedat4
 from core.recordings.sources.dat import open_dat
 from core.recordings.sources.event_stream import open_es
@@ -18,6 +19,7 @@ from core.recordings.sources.folders import camera_files, camera_names
 from core.recordings.sources.hdf5_data_sets import open_hdf5_data_set
 from core.recordings.sources.hdf5_reading import explain
 from core.recordings.sources.hdf5_tables import open_hdf5_table
+from core.recordings.sources.matlab import MAT5_MAGIC, open_matlab
 from core.recordings.sources.metavision_hdf5 import open_metavision_hdf5
 from core.recordings.sources.nmnist import open_nmnist
 from core.recordings.sources.numpy_data_sets import is_evimo_folder, open_evimo_folder, open_numpy_data_set, pickled
@@ -30,10 +32,11 @@ from core.recordings.sources.ros.bags import MCAP_MAGIC, ROS1_MAGIC, SQLITE_MAGI
 from core.recordings.sources.sony_rallies import is_sony_file, is_sony_folder, open_sony_file, open_sony_folder
 from core.recordings.sources.source import EventSource, Whence
 from core.recordings.sources.text import is_text_below_comments, open_text
+from core.text import compression_of
 
 FORMATS: Final = (
-    "Prophesee RAW and DAT, AEDAT4, Event Stream, HDF5 (Metavision, DSEC, MVSEC and others), npz, npy, CSV, bags of ROS"
-    " or MCAP"
+    "Prophesee RAW and DAT, AEDAT4, Event Stream, HDF5 (Metavision, DSEC, MVSEC and others), npz, npy, MATLAB, CSV,"
+    " bags of ROS or MCAP"
 )
 FOLDERS: Final = "a bag of ROS 2, a rally of Sony's, the arrays of EVIMO2, or an event file for each camera"
 """Folders that are one recording."""
@@ -53,6 +56,8 @@ def open_sources(path: Path, sensor: SensorSize | None = None) -> list[EventSour
 
 def _open_file(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     try:
+        if not path.is_file() and path.exists():  # a terminal or a disk: reading might never end
+            raise RecordingError("not a file", got="a device", where=path, remedy="give the event file itself")
         with path.open("rb") as file:
             head = file.read(HEAD_BYTES)
     except OSError as error:
@@ -69,6 +74,9 @@ def _open_file(path: Path, sensor: SensorSize | None) -> list[EventSource]:
             return reader.opens(path, sensor)
     if head[:1] == b"\x80" and head[1:2] in (b"\x02", b"\x03", b"\x04", b"\x05"):
         raise pickled(path)
+    if (packed := compression_of(head)) is not None:
+        remedy = "unpack it first"
+        raise RecordingError(f"the file is compressed ({packed}), and is not unpacked here", where=path, remedy=remedy)
     if (found := open_nmnist(path, sensor)) is not None:
         return found
     for starts, what, remedy in _KNOWN_OTHERS:
@@ -127,8 +135,11 @@ def _open_aedat(path: Path, sensor: SensorSize | None) -> list[EventSource]:
         if is_text_below_comments(path):
             return open_text(path, sensor)
         return open_aedat2(path, sensor)
+    if got.startswith("#!AER-DAT3"):
+        return open_aedat3(path, sensor)
     if not got.startswith("#!AER-DAT4"):
-        raise RecordingError("an older AEDAT version", expected="AEDAT4 or AEDAT 2.0", got=got, where=path)
+        expected = "AEDAT4, AEDAT 3.1 or AEDAT 2.0"
+        raise RecordingError("an older AEDAT version", expected=expected, got=got, where=path)
     return open_aedat4(path, sensor)
 
 
@@ -163,11 +174,9 @@ def _is_text(path: Path, head: bytes) -> bool:
 
 
 _KNOWN_OTHERS: Final[tuple[tuple[tuple[bytes, ...], str, str], ...]] = (
-    ((b"\x1f\x8b", b"BZh", b"\xfd7zXZ", b"\x28\xb5\x2f\xfd", b"Rar!", b"7z\xbc\xaf"), "compressed", "unpack it first"),
     ((b"\x89PNG", b"\xff\xd8\xff", b"BM", b"GIF8", b"II*\0", b"MM\0*"), "a picture", "pictures come with --frames"),
     ((b"\0\x05\x16\x07",), "one that macOS lays beside another (._NAME)", "give the file without ._ in its name"),
     ((b"PAR1",), "a Parquet file", "write t, x, y and p to a CSV or an .npz"),
-    ((b"MATLAB 5.0",), "a MAT-file", "save it with -v7.3, or write t, x, y and p to a CSV"),
 )
 """How files of other kinds begin, what they are, and what to do."""
 
@@ -182,6 +191,7 @@ register_reader("hdf5", lambda path, head: h5py.is_hdf5(path), _open_hdf5, "HDF5
 register_reader("prophesee-raw", _is_raw, open_prophesee_raw, "Prophesee RAW", (".raw",))
 register_reader("prophesee-dat", _is_dat, open_dat, "Prophesee DAT", (".dat",))
 register_reader("numpy", _starts_with(b"\x93NUMPY"), open_numpy, "NumPy", (".npy",))
+register_reader("matlab", _starts_with(MAT5_MAGIC), open_matlab, "MATLAB", (".mat",))
 register_reader("numpy-archive", _starts_with(b"PK\x03\x04"), _open_archive, "NumPy", (".npz",))
 register_reader(
     "bag", _starts_with(ROS1_MAGIC, MCAP_MAGIC, SQLITE_MAGIC), open_bag, "bag of ROS", (".bag", ".mcap", ".db3")

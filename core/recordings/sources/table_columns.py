@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import RecordingError
+from core.events import SensorSize
 
 _NAMES: Final = {
     "t": (
@@ -27,6 +28,7 @@ _NAMES: Final = {
     "p": ("p", "ps", "pol", "pols", "polarity", "polarities", "on", "sign", "is_on", "on_off", "event_polarity"),
 }  # fmt: skip
 """Usual spellings; that of a time may end with its unit."""
+_AT_SIZE: Final = re.compile(r"([xy])@([0-9]{1,5})")
 _UNIT_AT_END: Final = re.compile(r"_(ns|us|ms|s|nsec|usec|msec|sec|nanoseconds|microseconds|milliseconds|seconds)$")
 _UNITS: Final = {
     "nano": "ns",
@@ -84,7 +86,16 @@ def unit_of_name(name: str) -> str | None:
     return next((unit for start, unit in _UNITS.items() if word.startswith(start)), word)
 
 
+def size_in_names(names: Sequence[str]) -> SensorSize | None:
+    """The size of the sensor that faery writes behind the names of the addresses: `t,x@320,y@240,on`."""
+    found = {match[1]: int(match[2]) for name in names if (match := _AT_SIZE.fullmatch(name.strip().lower()))}
+    return SensorSize(found["x"], found["y"]) if found.keys() == {"x", "y"} and min(found.values()) > 0 else None
+
+
 def _spelled(name: str) -> str:
     """A column's name in small letters, its words joined by underscores."""
+    sized = _AT_SIZE.fullmatch(name.strip().lower())
+    if sized is not None:
+        return sized[1]
     plain = name.strip("\ufeff\"'#%/; \t\r\n").lower().replace("µ", "u").replace("μ", "u")
     return re.sub(r"[\s_\-\[(/]+", "_", plain.rstrip("])"))

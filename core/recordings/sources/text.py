@@ -21,7 +21,7 @@ from core.errors import RecordingError
 from core.events import SensorSize
 from core.recordings.sources.making import make_table_source
 from core.recordings.sources.source import DecodeReport, EventSource, RawColumns
-from core.recordings.sources.table_columns import find_columns, unit_of_name
+from core.recordings.sources.table_columns import find_columns, size_in_names, unit_of_name
 from core.recordings.sources.values.stated_sizes import size_in_text, size_of
 from core.recordings.sources.values.table_order import guess_columns
 from core.text import encoding_of
@@ -142,7 +142,7 @@ def _find_layout(path: Path) -> _Layout:
     words = _place_of_words(second[: len(names)])
     others = [name for place, name in enumerate(names) if place not in places.values() and not _is_index(name)]
     return _Layout(
-        separator, skip + 1, places, unit_of_name(names[places["t"]]), sensor, decimal_comma,
+        separator, skip + 1, places, unit_of_name(names[places["t"]]), sensor or size_in_names(names), decimal_comma,
         words=words if words == places["p"] else None,
         assumed=(f"{path.name}: the columns {', '.join(others)} are not read.",) if others else (),
     )  # fmt: skip

@@ -84,7 +84,7 @@ def open_messages(path: Path) -> Bag:
 
 
 def _storage_files(folder: Path) -> list[Path]:
-    return sorted(item for item in folder.iterdir() if item.suffix in (".mcap", ".db3") and item.is_file())
+    return sorted(item for item in folder.iterdir() if item.suffix.lower() in (".mcap", ".db3") and item.is_file())
 
 
 def _open_loose(folder: Path) -> Bag:

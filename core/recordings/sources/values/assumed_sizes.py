@@ -44,6 +44,14 @@ class AddressCounts:
         column, row = (int(np.flatnonzero(counts)[-1]) if counts.any() else 0 for counts in (self.columns, self.rows))
         return column, row
 
+    def are_turned(self, sensor: SensorSize) -> bool:
+        """Whether a sensor that is higher than wide has width and height exchanged: no row needs its height, and more
+        than a few columns lie beside it.
+        """
+        width, height = sensor.width_px, sensor.height_px
+        beside = int(self.columns[width:height].sum())
+        return height > width and beside > _FEW_BEYOND and not self.rows[width:].any()
+
     def usual_sensor(self) -> SensorSize:
         """The smallest usual sensor that has all addresses but a few odd ones, else one just large enough for all."""
         events = int(self.columns.sum())

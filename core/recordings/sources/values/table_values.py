@@ -30,6 +30,11 @@ _SLOW_HZ: Final = 50.0
 _LONG_US: Final = 60e6
 _SHORT_US: Final = 5e3
 _MANY_ROWS: Final = 1000
+_ALIKE_ROWS: Final = 20
+"""So few events may really have one time."""
+_LONGEST_STEP_US: Final = 1000.0
+_FINE_STEP_US: Final = 10.0
+"""Steps of times as the clocks of cameras have them."""
 _MAX_VALUES: Final = 1000
 _ODD_SHARE: Final = 0.01
 _FEW_ODD: Final = 3
@@ -63,6 +68,8 @@ class Survey:
     high_t: float = -np.inf
     steps_t: float = 0.0
     """Sum of the steps from row to row but for the largest: pauses, strays, and clocks that begin again."""
+    spacing_t: float = 0.0
+    """Step between neighbouring numbers at the latest time, of times in 32 or fewer bits with fractions; else 0."""
     between_pixels: bool = False
     """Whether there are addresses with fractions, as of undistorted events."""
     addresses: AddressCounts = field(default_factory=AddressCounts)
@@ -115,6 +122,8 @@ class Survey:
         if count > 1:
             steps = np.abs(np.diff(t.astype(np.float64)))
             self.steps_t += float(np.partition(steps, count - 2 - odd)[: count - 1 - odd].sum())
+        if t.dtype.kind == "f" and t.dtype.itemsize <= 4:
+            self.spacing_t = max(self.spacing_t, float(np.spacing(np.abs(t).max())))
         whole = t == np.floor(t) if t.dtype.kind == "f" else np.ones(count, np.bool_)
         self.fractions += count - int(np.count_nonzero(whole))
         self.no_thousands += int(np.count_nonzero(t % 1000 != 0))
@@ -177,7 +186,9 @@ def find_meaning(
     Raises:
         RecordingError: if it cannot be told.
     """
+    _refuse_lost_times(seen, where)
     unit = _unit(seen, hint, unit_from, report, where)
+    _check_steps(seen, unit, report, where)
     if seen.between_pixels:
         text = "addresses have fractions, as of undistorted events; the nearest pixels are kept"
         report.notes.append(f"{where}: {text}.")
@@ -185,8 +196,48 @@ def find_meaning(
     return Meaning(unit, on)
 
 
+def _refuse_lost_times(seen: Survey, where: str) -> None:
+    """Refuse times since 1970 that were rounded where the file was written: in 32 bits, or to a few digits of text.
+
+    Raises:
+        RecordingError: if no time of an event can be told.
+    """
+    since_1970 = any(low <= seen.low_t and seen.high_t < high for _, low, high in _EPOCHS)
+    alike = seen.rows > _ALIKE_ROWS and seen.low_t == seen.high_t
+    if not since_1970 or not (seen.spacing_t or alike):
+        return
+    what = "the times were rounded where the file was written"
+    got = f"all {seen.rows:,} events at {seen.low_t:.10g}, which counts from 1970" if alike else "32 bits"
+    if seen.spacing_t:
+        got = f"times since 1970 as float32, which holds them in steps of {seen.spacing_t:g}"
+    remedy = "write them as whole numbers or as float64, or take the first time from them before"
+    raise RecordingError(what, got=got, where=where, remedy=remedy)
+
+
+def _check_steps(seen: Survey, unit: str, report: DecodeReport, where: str) -> None:
+    """Say if all events have one time, or if 32 bits hold the times in large steps.
+
+    Raises:
+        RecordingError: if these steps are longer than a millisecond.
+    """
+    step_us = seen.spacing_t * UNITS_US[unit]
+    if step_us > _LONGEST_STEP_US:
+        got = f"steps of {step_us / 1e3:g} ms at {seen.high_t:.10g} in {UNIT_NAMES[unit]} as float32"
+        what, remedy = "the times are too coarse", "write them as whole numbers or as float64"
+        raise RecordingError(what, got=got, where=where, remedy=remedy)
+    if step_us > _FINE_STEP_US:
+        report.notes.append(f"{where}: its times are float32, which holds the last ones in steps of {step_us:.3g} us.")
+    if seen.rows > _ALIKE_ROWS and seen.low_t == seen.high_t and not seen.steps_t:
+        report.assume(f"{where}: all {seen.rows:,} events have one time, {seen.low_t:.10g}; were the times rounded?")
+
+
 def _unit(seen: Survey, hint: str | None, unit_from: Whence, report: DecodeReport, where: str) -> str:
     stated = report.stated.time_unit
+    if stated is None and hint is not None and hint not in UNITS_US:
+        expected, remedy = ", ".join(UNITS_US), "give --time-unit with the one that it is"
+        raise RecordingError(
+            "the file states another unit of time", expected=expected, got=repr(hint[:40]), where=where, remedy=remedy
+        )
     if stated is not None or hint is not None or not seen.rows:
         unit = stated or hint or "us"
         whence = Whence.OPTION if stated else unit_from if hint is not None else Whence.ASSUMED
