@@ -67,15 +67,13 @@ def _counts(trace: RefinedTrace, events: int) -> dict[str, StageCount]:
     found = int(trace.detection is not None)
     history = trace.history_events
     return {
-        "window": StageCount(events, history, unit=f"events in a history of {1e-3 * trace.history_us:.1f} ms"),
+        "window": StageCount(events, history, f"events in a history of {1e-3 * trace.history_us:.1f} ms", "new events"),
         _group("search"): StageCount(history, pixels, unit="pixels survive", unit_in="events"),
         _group("candidates"): StageCount(len(trace.blobs), examined, unit="examined", unit_in="blobs"),
         _group("edge points"): StageCount(len(trace.fits), points, unit="edge points", unit_in="attempts"),
         _group("fit"): StageCount(fitted, good, unit="within the limits", unit_in="fits"),
         _group("track"): StageCount(len(trace.tracks), found, unit="confirmed and seen", unit_in="tracks"),
-        _group("result"): StageCount(
-            found, found, unit=f"ball, valid {trace.delay_us} us before the end of the window"
-        ),
+        _group("result"): StageCount(found, found, f"ball, valid {trace.delay_us} us before the end", "confirmed"),
     }
 
 
