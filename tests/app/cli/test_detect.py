@@ -195,9 +195,9 @@ def test_a_folder_that_is_not_there_is_noticed_before_the_work(recording, tmp_pa
 
 
 def test_why_there_is_no_ball_is_counted_by_reason_with_setting_value_and_limit(recording, tmp_path, capsys) -> None:
-    config = replace_setting(method_config("refined"), ("refined", "fill_min"), 1.0)
-    save_config(config, tmp_path / "full.toml")
-    arguments = ("--camera", "left", "--method", "refined", "--config", str(tmp_path / "full.toml"))
+    config = replace_setting(method_config("refined"), ("refined", "points_min"), 200)
+    save_config(config, tmp_path / "strict.toml")
+    arguments = ("--camera", "left", "--method", "refined", "--config", str(tmp_path / "strict.toml"))
     assert detect(recording, tmp_path / "det.csv", *arguments, "--json") == 0
     summary = json.loads(capsys.readouterr().out)
     missed = summary["windows"] - summary["detections"]
@@ -205,11 +205,11 @@ def test_why_there_is_no_ball_is_counted_by_reason_with_setting_value_and_limit(
     assert all(set(one) == {"reason", "setting", "windows", "value", "limit"} for one in summary["why_not"])
     windows = [one["windows"] for one in summary["why_not"]]
     assert windows == sorted(windows, reverse=True) and max(windows) <= missed
-    (fill,) = (one for one in summary["why_not"] if one["setting"] == "refined.fill_min")
-    assert fill["windows"] > 100 and 0.1 < fill["value"] < fill["limit"] == 1.0
+    (points,) = (one for one in summary["why_not"] if one["setting"] == "refined.points_min")
+    assert points["windows"] > 100 and 20 < points["value"] < points["limit"] == 200
     assert detect(recording, tmp_path / "det.csv", *arguments) == 0
     said = capsys.readouterr().out
-    assert f"no ball in {missed} windows" in said and "refined.fill_min" in said
+    assert f"no ball in {missed} windows" in said and "refined.points_min" in said
 
 
 @pytest.mark.parametrize("method", ["refined", "auto", "ebpp", "fe-fusion"])
