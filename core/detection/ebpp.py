@@ -283,7 +283,7 @@ def _view_of(trace: EbppTrace, window: Window, reasons: tuple[Reason, ...]) -> M
     count = len(window.events)
     return MethodTrace(
         views=(
-            View(RAW, "window", None),
+            View(RAW, "window", None, shows_ball=False),
             View("surface", "ebpp", surface, regions, shows_ball=False),
             View("circles", "ebpp", surface, (*regions, *circles), shows_ball=False),
             View(RESULT, "ebpp", None, regions),

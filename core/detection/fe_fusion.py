@@ -235,7 +235,7 @@ def _view_of(trace: FeFusionTrace, window: Window, config: FeFusionConfig, reaso
     kept, good = len(trace.kept), sum(not row.reasons for row in rows)
     return MethodTrace(
         views=(
-            View(RAW, "window", None),
+            View(RAW, "window", None, shows_ball=False),
             View("denoised", "fe_fusion", PixelLayer.of_events(trace.kept), regions, shows_ball=False),
             View("clusters", "fe_fusion", coloured, (*regions, *circles), shows_ball=False),
             View(RESULT, "fe_fusion", None, regions),

@@ -192,20 +192,19 @@ class TuneMode:
             return
         self._host.plane.show(answer.sheet)
         if isinstance(request, TuneRequest):
-            for found in (*answer.traces, *answer.found)[:1]:
+            for found in answer.found[:1]:
                 if found.detection is not None:
                     self._last_px[request.stream.name] = (found.detection.u_px, found.detection.v_px)
         names = tuple(name for name, _ in request.configs)
         with self._host.client.atomic():
-            if isinstance(request, TuneRequest) and answer.traces:
-                self._settings.show_trace(answer.traces[names.index(request.view.slot)])
+            if isinstance(request, TuneRequest):
+                self._settings.show_trace(answer.found[names.index(request.view.slot)].trace)
                 picked_px = self._picked[1] if self._picked and self._picked[0] == request.t_us else None
-                traces = tuple(zip(names, answer.traces, strict=True))
-                self._results.candidates.show(traces, answer.seconds, picked_px)
+                titled = zip((f"Config {name}" for name in names), answer.found, strict=True)
+                self._results.candidates.show(tuple(titled), answer.seconds, picked_px)
             else:
                 self._settings.show_trace(None)
-                titles = names if isinstance(request, MethodsRequest) else tuple(f"Config {name}" for name in names)
-                self._results.candidates.show_answers(tuple(zip(titles, answer.found, strict=True)), answer.seconds)
+                self._results.candidates.show_verdicts(tuple(zip(names, answer.found, strict=True)), answer.seconds)
 
     # Config files -------------------------------------------------------------------------------------------------
 

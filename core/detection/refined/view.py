@@ -101,7 +101,7 @@ def _views(trace: RefinedTrace, tracks: dict[int, TrackTrace]) -> tuple[View, ..
         if fit.start is not None and 0.0 < fit.start.r < 1e4
     )
     return (
-        View(RAW, "window", None),
+        View(RAW, "window", None, shows_ball=False),
         View("search", _group("search"), survivors, shows_ball=False),
         View("candidates", _group("candidates"), survivors, boxes, shows_ball=False),
         View("edge points", _group("edge points"), pixels, starts, shows_ball=False),
