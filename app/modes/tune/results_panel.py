@@ -232,7 +232,7 @@ def candidates_html(name: str, trace: MethodTrace, picked: int | None = None, *,
     )
 
 
-def reasons_html(reasons: Sequence[Reason]) -> str:
+def reasons_html(reasons: Sequence[Reason | ReasonCount]) -> str:
     """Links to the sliders of the limits that failed; those without a slider say that they are fixed."""
     return "; ".join(map(_reason_html, reasons))
 
