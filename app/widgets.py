@@ -48,6 +48,11 @@ class Choice:
         """Take it away."""
         self._group.remove()
 
+    def offer(self, options: Sequence[str]) -> None:
+        """Offer other options; the next `show` marks one."""
+        if tuple(options) != self._options:
+            self._options, self._shown = tuple(options), None
+
     def show(self, chosen: str) -> None:
         """Mark the chosen one."""
         if chosen != self._shown:

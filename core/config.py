@@ -60,13 +60,18 @@ class FieldSpec:
     doc: str
     is_list: bool = False
     """A tuple of any length."""
+    stage: str = ""
+    """Stage of the method that uses it, where a section holds the settings of several."""
 
 
-def setting(default: float, low: float, high: float, *, step: float | None = None) -> typing.Any:
-    """A numeric config field with `low <= value <= high`; `check_settings` enforces it, sliders use it."""
+def setting(default: float, low: float, high: float, *, step: float | None = None, stage: str = "") -> typing.Any:
+    """A numeric config field with `low <= value <= high`; `check_settings` enforces it, sliders use it.
+
+    `stage` puts its slider under a heading of its own: the fields of a stage stand together.
+    """
     if step is None:
         step = 1 if isinstance(default, int) else (high - low) / 200
-    return dataclasses.field(default=default, metadata={"bounds": Bounds(low, high, step)})
+    return dataclasses.field(default=default, metadata={"bounds": Bounds(low, high, step), "stage": stage})
 
 
 def choice(default: str, offered: Collection[str]) -> typing.Any:
@@ -231,7 +236,7 @@ def field_spec(config_type: type, name: str, *, prefix: tuple[str, ...] = ()) ->
     default = item.default
     assert isinstance(default, (bool, int, float, str, tuple)), f"{config_type.__name__}.{name} needs a plain default"
     bounds, doc = item.metadata.get("bounds"), _field_docs(config_type).get(name, "")
-    return FieldSpec((*prefix, name), kind, default, bounds, choices, doc, is_list)
+    return FieldSpec((*prefix, name), kind, default, bounds, choices, doc, is_list, item.metadata.get("stage", ""))
 
 
 def get_setting(config: object, path: tuple[str, ...]) -> Setting:

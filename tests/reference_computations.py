@@ -21,11 +21,12 @@ import numpy as np
 from app.cli.main import main as rallyscope
 from app.modes.watch.status import landing_legend_html, live_html, moment_html
 from app.pictures.canvas import Canvas, Region, event_picture
-from app.views.stage_picture import draw_stages
+from app.views.stage_picture import draw_stage
 from benchmarks.rally.closed_loop import ClosedLoop
 from core.cameras import load_calibration
 from core.chain.control.player import PlayerState
 from core.detection import DetectorConfig, FastDetector, ReferenceDetector, TrackState, trace_window
+from core.detection.staged_view import view_of
 from core.events import Window
 from core.history.following import Following
 from core.live.link import messages
@@ -377,7 +378,7 @@ def stage_pictures(bench: Bench) -> Arrays:
     for name, region in (("whole", Region.of_sensor(sensor)), ("part", Region.around(160.0, 100.0, sensor, 4.0))):
         for overlay in OVERLAYS:
             canvas = Canvas(region)
-            draw_stages(canvas, window, trace, overlay, "polarity")
+            draw_stage(canvas, window, view_of(trace, window, DetectorConfig()), overlay, "polarity")
             arrays[f"{overlay}, {name}"] = canvas.image
     return arrays
 

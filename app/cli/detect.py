@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
 from contextlib import closing, nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -9,22 +11,26 @@ from typing import Final
 
 import numpy as np
 
-from app.cli.arguments import flag, given, positional
+from app.cli.arguments import WholeNumber, flag, given, positional
 from app.cli.backend_arguments import SharedBackendArguments
 from app.cli.detector_arguments import AnyMethodArguments
 from app.cli.files import csv_text
 from app.cli.streaming import StreamingArguments, say_streaming, streaming_summary
 from app.cli.tabulate import RecordingTable, Summary, tabulate
 from app.cli.terminal import say
+from app.cli.why_not import say_trace, say_why_not, trace_summary, why_not_summary
 from core.detection import DetectorConfig, RefinedDetection, make_detector
+from core.detection.method_trace import MethodTrace
 from core.detection.methods import FRAME_METHODS, Method
+from core.detection.reasons import ReasonCounter
 from core.detection.refined.detector import estimate_delay
+from core.detection.window import WindowConfig
 from core.errors import CommandError
 from core.jobs import TaskControl
 from core.metrics import WindowAnswers, run_detector, score_answers
-from core.metrics.run import TimedDetector, one_opencv_thread, run_on_frames
+from core.metrics.run import TimedDetector, duration_of, explain_window, one_opencv_thread, run_on_frames
 from core.recordings import CameraStream, PixelTruth, Recording, open_recording
-from core.recordings.frames import FrameStream
+from core.recordings.frames import FrameStream, window_of
 from core.recordings.reader import FileRecording
 
 WARM_UP_US: Final = 20_000
@@ -37,7 +43,10 @@ class DetectArguments:
     recordings: tuple[Path, ...] = positional("recordings or event files", "REC")
     camera: str | None = flag("which camera; needed if there are several", "NAME")
     detector: AnyMethodArguments
-    out: Path = flag("columns t_us,u_px,v_px,r_px; of several recordings a folder with a CSV of each", "CSV|DIR")
+    out: Path | None = flag("columns t_us,u_px,v_px,r_px; of several recordings a folder with a CSV of each", "CSV|DIR")
+    explain: WholeNumber | None = flag(
+        "print the table of the window that ends there: each stage, each candidate, each limit that it failed", "T_US"
+    )
     in_time: StreamingArguments
     engine: SharedBackendArguments
     json: bool = flag("print a summary as JSON")
@@ -46,6 +55,11 @@ class DetectArguments:
 def run(arguments: DetectArguments) -> None:
     """Detect, write, and say what came out."""
     frames = arguments.detector.frame_method
+    if arguments.explain is not None:
+        _explain(arguments, arguments.explain)
+        return
+    if arguments.out is None:
+        raise CommandError("no file for the table", expected="--out CSV, or --explain T_US for one window")
     work = _find_in_events(arguments) if frames is None else _find_in_frames(arguments, frames)
     tabulate(arguments.recordings, arguments.out, work, arguments.engine, "Detecting", arguments.json, _say)
 
@@ -59,6 +73,52 @@ def _say(summary: Summary) -> None:
     in_time = summary.get("streaming")
     if isinstance(in_time, dict):
         say_streaming(in_time)
+    counts, windows, found = summary["why_not"], summary["windows"], summary["detections"]
+    assert isinstance(counts, list) and isinstance(windows, int) and isinstance(found, int)
+    say_why_not(counts, windows - found, what)
+
+
+def _explain(arguments: DetectArguments, t_us: int) -> None:
+    """Print the table of one window of one recording.
+
+    Raises:
+        CommandError: for several recordings, an output file, or a time outside the recording.
+    """
+    path, *others = arguments.recordings
+    if others:
+        raise CommandError("one window of which recording?", expected="one recording", where="--explain")
+    if arguments.out is not None:
+        raise CommandError("--explain writes no file", where="--out", remedy="leave it out")
+    asked = arguments.detector
+    with closing(open_recording(path)) as recording:
+        if asked.frame_method is not None:
+            name, title, trace = _explain_picture(recording, arguments, t_us)
+        else:
+            method, config, window_us = asked.settings()
+            config = dataclasses.replace(config, window=WindowConfig(window_us=window_us))
+            stream = choose_camera(recording, arguments.camera)
+            if not 0 < t_us <= (end_us := duration_of(stream)):
+                raise CommandError("no window ends there", expected=f"1 to {end_us}", got=t_us, where="--explain")
+            answer = explain_window(stream, method, config, t_us)
+            name, trace, window = stream.name, answer.trace, answer.window
+            title = f"{name}, {method}: window {window.start_us} to {window.end_us} us"
+    assert trace is not None
+    if arguments.json:
+        say(json.dumps({"camera": name, "t_us": t_us, **trace_summary(trace)}))
+    else:
+        say_trace(trace, title)
+
+
+def _explain_picture(recording: FileRecording, arguments: DetectArguments, t_us: int) -> tuple[str, str, MethodTrace]:
+    """Camera, title and trace of the picture whose exposure is nearest to a time; raises CommandError for none."""
+    name, frames = choose_pictures(recording, arguments.camera)
+    from core.detection.yolo.detector import YoloDetector  # late, as below
+    from core.detection.yolo.weights import load_weights
+
+    nearest = int(np.abs(frames.t_us - t_us).argmin())
+    window = window_of(frames.frame(nearest))
+    trace = YoloDetector(load_weights(arguments.detector.weights)).explain(window)
+    return name, f"{name}, {arguments.detector.frame_method}: picture at {int(frames.t_us[nearest])} us", trace
 
 
 def _find_in_events(arguments: DetectArguments) -> DetectInEvents:
@@ -96,8 +156,9 @@ class DetectInEvents:
                 if self.added_us is not None:  # its code is loaded before the first window that is timed
                     run_detector(stream, detector, self.window_us, end_us=WARM_UP_US)
                     detector.seconds.clear()
-                answers = run_detector(stream, detector, self.window_us, progress=control)
-            table = _table(stream.name, self.method, self.window_us, answers, stream.truth)
+                reasons = ReasonCounter()
+                answers = run_detector(stream, detector, self.window_us, progress=control, reasons=reasons)
+            table = _table(stream.name, self.method, self.window_us, answers, stream.truth, reasons)
             return _in_time(table, answers, stream.truth, detector, self.added_us)
 
 
@@ -119,9 +180,10 @@ class DetectInFrames:
             from core.detection.yolo.weights import load_weights
 
             detector = TimedDetector(YoloDetector(load_weights(self.weights)))
-            answers = run_on_frames(frames, detector, progress=control)
+            reasons = ReasonCounter()
+            answers = run_on_frames(frames, detector, progress=control, reasons=reasons)
             truth = recording.cameras[name].truth if name in recording.cameras else None
-            table = _table(name, self.method, int(np.median(frames.exposure_us)), answers, truth)
+            table = _table(name, self.method, int(np.median(frames.exposure_us)), answers, truth, reasons)
             return _in_time(table, answers, truth, detector, self.added_us)
 
 
@@ -174,7 +236,12 @@ def choose_camera(recording: Recording, name: str | None) -> CameraStream:
 
 
 def _table(
-    camera: str, method: str, window_us: int, answers: WindowAnswers, truth: PixelTruth | None
+    camera: str,
+    method: str,
+    window_us: int,
+    answers: WindowAnswers,
+    truth: PixelTruth | None,
+    reasons: ReasonCounter,
 ) -> RecordingTable:
     """A row per detection; no row for a window without a ball."""
     rows = []
@@ -193,6 +260,7 @@ def _table(
         "detections": int(answers.detected.sum()),
         "extra_circles": int(answers.extra_circles.sum()),
         "score": score,
+        "why_not": why_not_summary(reasons),
         **_motion([one for one in answers.detections if isinstance(one, RefinedDetection)]),
     }
     return RecordingTable(csv_text(("t_us", "u_px", "v_px", "r_px"), rows), summary)

@@ -22,7 +22,6 @@ from app.state.browser_memory import default_config, differing_settings, with_se
 from app.state.client_state import (
     ARRANGEMENTS,
     MODES,
-    OVERLAYS,
     SLOTS,
     ClientState,
     Configs,
@@ -134,7 +133,7 @@ _COMMANDS: Final[Mapping[str, Callable[[str], list[Command]]]] = {
     "draw": lambda text: [commands.SetRendering(_one(text, RENDERINGS))],  # type: ignore[arg-type]
     "colours": lambda text: [commands.SetColours(_one(text, POLARITY_COLOURS))],  # type: ignore[arg-type]
     "arrange": lambda text: [commands.SetArrangement(_one(text, ARRANGEMENTS))],  # type: ignore[arg-type]
-    "stage": lambda text: [commands.SetOverlay(_one(text, OVERLAYS))],  # type: ignore[arg-type]
+    "stage": lambda text: [commands.SetOverlay(text)],
     "zoom": lambda text: [commands.SetZoom(float(text))],
     "at": lambda text: [commands.LookAt(_point(text))],
     "slot": lambda text: [commands.SetSlot(_one(text, SLOTS))],  # type: ignore[arg-type]

@@ -8,8 +8,8 @@ from typing import Final
 import viser
 
 from app.formatting import PAGE
-from app.state.client_state import MODES, OVERLAYS
-from app.state.commands import Command, LookAt, Redo, SetMode, SetOverlay, StepTime, TogglePlay, Undo
+from app.state.client_state import MODES, MOST_VIEWS
+from app.state.commands import Command, LookAt, Redo, SetMode, ShowStage, StepTime, TogglePlay, Undo
 from app.widgets import when_triggered
 
 KEYS: Final[tuple[tuple[str, str, Command], ...]] = (
@@ -21,7 +21,7 @@ KEYS: Final[tuple[tuple[str, str, Command], ...]] = (
     ("Z", "Undo a slider", Undo()),
     ("R", "Redo a slider", Redo()),
     ("B", "Zoomed view follows the ball", LookAt(None)),
-    *((str(number), f"Stage: {overlay}", SetOverlay(overlay)) for number, overlay in enumerate(OVERLAYS, start=1)),
+    *((str(number), f"Stage {number} of the method", ShowStage(number)) for number in range(1, MOST_VIEWS + 1)),
     ("M", "Mode: Watch", SetMode("Watch")),
     ("T", "Mode: Tune", SetMode("Tune")),
     ("O", "Mode: Export", SetMode("Export")),
@@ -71,7 +71,8 @@ def tour_button_html() -> str:
 
 def keys_html() -> str:
     """HTML of the list of keys."""
-    listed = (*((key, label) for key, label, _ in KEYS), *PAGE_KEYS)
+    stages = (f"1 to {MOST_VIEWS}", "Stages of the method, in Tune")
+    listed = (*((key, label) for key, label, one in KEYS if not isinstance(one, ShowStage)), stages, *PAGE_KEYS)
     rows = "".join(
         f"<tr><td style='padding-right:14px'><b>{key}</b></td><td>{label}</td></tr>" for key, label in listed
     )

@@ -123,6 +123,16 @@ class Canvas:
             cv2.ellipse(self.image, (x, y), (radius_px, radius_px), 0, begin, begin + 50, int(ink), thickness)
         cv2.drawMarker(self.image, (x, y), int(ink), cv2.MARKER_CROSS, 7 + 2 * thickness, 1)
 
+    def draw_dots(self, points_px: ArrayLike, ink: int, *, half_px: int = 1) -> None:
+        """Small squares at sensor points (N, 2), whatever the magnification."""
+        points = (self._fixed(points_px).reshape(-1, 2) / 2**SUB_PIXEL_BITS).round().astype(np.int64)
+        height, width = self.image.shape
+        for down in range(-half_px, half_px + 1):
+            for across in range(-half_px, half_px + 1):
+                x, y = points[:, 0] + across, points[:, 1] + down
+                seen = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+                self.image[y[seen], x[seen]] = ink
+
     def draw_box(self, x0_px: float, y0_px: float, x1_px: float, y1_px: float, ink: int) -> None:
         """Outline of a rectangle with corners in sensor coordinates."""
         self.draw_polygon([(x0_px, y0_px), (x1_px, y0_px), (x1_px, y1_px), (x0_px, y1_px)], ink)

@@ -14,7 +14,7 @@ from app.pictures.canvas import Rendering
 from app.pictures.palette import PolarityColours
 from app.state.swept_cells import BoardGuide, SweptCells, TableClicks
 from core.detection import DetectorConfig
-from core.detection.methods import DEFAULT_METHOD, STAGED, Method, method_config
+from core.detection.methods import DEFAULT_METHOD, STAGED, VIEWS, Method, method_config
 from core.detection.saved import SavedDetector
 
 V = TypeVar("V")
@@ -151,9 +151,10 @@ ModeName = Literal["Watch", "Tune", "Label", "Train", "Export"]
 MODES: Final[tuple[ModeName, ...]] = get_args(ModeName)
 Arrangement = Literal["side by side", "stacked"]
 ARRANGEMENTS: Final[tuple[Arrangement, ...]] = get_args(Arrangement)
-Overlay = Literal["raw", "denoised", "clusters", "polarity", "geometry", "result"]
-OVERLAYS: Final[tuple[Overlay, ...]] = get_args(Overlay)
-"""Views of Tune: one for each stage, and the result alone."""
+Overlay = str
+"""Name of a view of Tune: each method has one for each of its stages, see `core.detection.methods.VIEWS`."""
+MOST_VIEWS: Final = 7
+"""Views of a method that have a key, 1 to 7."""
 Slot = Literal["A", "B"]
 SLOTS: Final[tuple[Slot, ...]] = get_args(Slot)
 
@@ -174,6 +175,7 @@ class TuneView:
     """View settings of Tune."""
 
     overlay: Overlay = "geometry"
+    """The chosen view; a method that has none of this name shows its result."""
     zoom: float = 1.0
     centre_px: tuple[float, float] | None = None
     """Centre of the zoomed view, px; None follows the ball."""
@@ -188,6 +190,12 @@ class TuneView:
     side_by_side: bool = False
     """Whether the compared methods are shown side by side, instead of one method's configs."""
     show_truth: bool = True
+
+    @property
+    def stage(self) -> Overlay:
+        """The view that is shown of the method."""
+        views = VIEWS[self.method]
+        return self.overlay if self.overlay in views else views[-1]
 
 
 @dataclass(frozen=True, slots=True)

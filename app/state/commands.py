@@ -15,7 +15,6 @@ from app.pictures.palette import POLARITY_COLOURS, PolarityColours
 from app.state.client_state import (
     ARRANGEMENTS,
     MODES,
-    OVERLAYS,
     SLOTS,
     SPEEDS,
     STEPS_US,
@@ -28,7 +27,7 @@ from app.state.client_state import (
 )
 from core.config import replace_setting
 from core.detection import DetectorConfig
-from core.detection.methods import METHODS, STAGED, Method, method_config
+from core.detection.methods import METHODS, STAGED, VIEWS, Method, method_config
 
 WINDOW_RANGE_US = (100, 100_000)
 ZOOM_RANGE = (1.0, 20.0)
@@ -181,8 +180,19 @@ class SetOverlay:
     overlay: Overlay
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
-        valid = self.overlay in OVERLAYS
+        valid = any(self.overlay in views for views in VIEWS.values())
         return replace(state, tune=replace(state.tune, overlay=self.overlay)) if valid else state
+
+
+@dataclass(frozen=True, slots=True)
+class ShowStage:
+    """Show the stage of this number, from 1, of the chosen method."""
+
+    number: int
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        views = VIEWS[state.tune.method]
+        return SetOverlay(views[self.number - 1]).apply(state, wall_s) if 1 <= self.number <= len(views) else state
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from typing import Final
 
 from core.detection import DetectorConfig
 from core.detection.methods import Method
-from core.metrics.run import WindowAnswer, answer_window
+from core.metrics.run import WindowAnswer, explain_window
 from core.recordings import CameraStream
 
 KEPT: Final = 64
@@ -22,13 +22,13 @@ class AnswerCache:
         self._lock = threading.Lock()
 
     def find(self, stream: CameraStream, method: Method, config: DetectorConfig, t_us: int) -> WindowAnswer:
-        """Cached result of `answer_window`."""
+        """Cached result of `explain_window`."""
         key = (stream, method, config, t_us)
         with self._lock:
             if key in self._answers:
                 self._answers.move_to_end(key)
                 return self._answers[key]
-        answer = answer_window(stream, method, config, t_us)
+        answer = explain_window(stream, method, config, t_us)
         with self._lock:
             self._answers[key] = answer
             while len(self._answers) > KEPT:

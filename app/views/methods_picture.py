@@ -47,7 +47,7 @@ def answer_methods(request: MethodsRequest) -> PictureAnswer:
     start_s = time.perf_counter()
     found = tuple(request.answers.find(request.stream, *config, request.t_us) for config in request.configs)
     sheet = render_methods(request, found, request.known())
-    return PictureAnswer(sheet, (), found, time.perf_counter() - start_s)
+    return PictureAnswer(sheet, found, time.perf_counter() - start_s)
 
 
 def render_methods(

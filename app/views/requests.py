@@ -14,16 +14,13 @@ from app.state.client_state import RenderSettings, TuneView
 from app.state.swept_cells import SweptCells, TableClicks
 from app.views.answer_cache import AnswerCache
 from app.views.mosaic import Mosaic, columns_of, lay_out
-from app.views.stage_picture import draw_answer, draw_detection, draw_stages, draw_truth
+from app.views.stage_picture import draw_detection, draw_stage, draw_truth
 from core.cameras import Camera
 from core.cameras.calibration.coverage import cell_box, cells_of
 from core.cameras.calibration.table_corners import CORNERS
 from core.cameras.calibration.table_pose import clicks_of, find_table_pose
-from core.detection import Detection, DetectorConfig, FastDetector, PipelineTrace, trace_window
-from core.detection.fast.cluster import grid_labels
-from core.detection.methods import STAGED, method_config
+from core.detection import DetectorConfig
 from core.detection.saved import SavedDetector
-from core.detection.stages.roi import Roi
 from core.errors import CalibrationError
 from core.events import Window
 from core.metrics.run import WindowAnswer, answer_window
@@ -65,8 +62,6 @@ def _edges(corners: tuple[str, ...], *, closed: bool) -> np.ndarray:
     return np.vstack([a + share * (b - a) for a, b in pairwise(ends)])
 
 
-WARM_UP_WINDOWS = 25
-"""Windows run before the one that is shown, so that the region of interest and the polarity are those of a live run."""
 CELL_GAP_PX = 10
 """Gap between the frames of uncovered cells."""
 BINNED_WIDTH_PX = 900
@@ -102,7 +97,7 @@ class TuneRequest:
     configs: tuple[tuple[str, DetectorConfig], ...]
     """Name and config of each picture."""
     answers: AnswerCache
-    """Cache of answers of methods without stages."""
+    """Cache of answers: each takes tens of windows to compute."""
     last_px: tuple[float, float] | None = None
     """Last position of the ball: a zoomed view stays there while a setting rejects it."""
 
@@ -112,23 +107,16 @@ class PictureAnswer:
     """The mosaic to show, and the time it took."""
 
     sheet: Mosaic
-    traces: tuple[PipelineTrace, ...]
-    """Stages of Tune for a method that has them, one for each config;"""
     found: tuple[WindowAnswer, ...]
-    """results of a method without stages."""
+    """Answers of Tune with their traces, one for each config."""
     seconds: float
 
 
 def answer_request(request: WatchRequest | TuneRequest) -> PictureAnswer:
     """Answer a request."""
     start_s = time.perf_counter()
-    if isinstance(request, WatchRequest):
-        sheet, traces, found = render_watch(request), (), ()
-    elif request.view.method in STAGED:
-        (sheet, traces), found = render_tune(request), ()
-    else:
-        (sheet, found), traces = render_answers(request), ()
-    return PictureAnswer(sheet, traces, found, time.perf_counter() - start_s)
+    sheet, found = (render_watch(request), ()) if isinstance(request, WatchRequest) else render_tune(request)
+    return PictureAnswer(sheet, found, time.perf_counter() - start_s)
 
 
 def render_watch(request: WatchRequest) -> Mosaic:
@@ -171,44 +159,33 @@ def render_watch(request: WatchRequest) -> Mosaic:
     return replace(lay_out(canvases, look.colours, look.arrangement), ball_cells=tuple(balls))
 
 
-def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[PipelineTrace, ...]]:
-    """Draw all stages of one window, one picture per config."""
-    view = request.view
-    across = len(request.configs) if request.look.arrangement == "side by side" else 1
-    canvases: list[Canvas] = []
-    traces: list[PipelineTrace] = []
-    for name, chosen in request.configs:
-        config = method_config(view.method, chosen)
-        window = window_before(request.stream, request.t_us, config.window.window_us)
-        state = _detector_before(request.stream, window.start_us, config).state
-        trace = trace_window(window, state, config, label_clusters=grid_labels)
-        first = traces[0] if traces else trace
-        canvas = Canvas(_region(request, first.detection, first.roi), across=across)
-        draw_stages(canvas, window, trace, view.overlay, request.look.rendering)
-        if view.show_truth:
-            draw_truth(canvas, request.stream.truth, window.end_us)
-        canvas.caption(f"{request.stream.name}, config {name}: {len(window.events)} events")
-        canvases.append(canvas)
-        traces.append(trace)
-    return lay_out(canvases, request.look.colours, request.look.arrangement), tuple(traces)
+def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[WindowAnswer, ...]]:
+    """Draw the chosen stage of one window, one picture per config.
 
-
-def render_answers(request: TuneRequest) -> tuple[Mosaic, tuple[WindowAnswer, ...]]:
-    """Draw the answers of a method without stages, one picture per config, with the window's events."""
+    The truth is drawn where the ball was when the answer is valid, which is before the end of the window.
+    """
     view = request.view
     across = len(request.configs) if request.look.arrangement == "side by side" else 1
     found = [request.answers.find(request.stream, view.method, config, request.t_us) for _, config in request.configs]
-    region = _region(request, found[0].detection, None)
+    region = _region(request, found[0])
     canvases: list[Canvas] = []
     for (name, _), answer in zip(request.configs, found, strict=True):
         canvas = Canvas(region, across=across)
-        draw_answer(canvas, answer, request.look.rendering)
+        assert answer.trace is not None
+        draw_stage(canvas, answer.window, answer.trace, view.stage, request.look.rendering)
         if view.show_truth:
             draw_truth(canvas, request.stream.truth, answer.valid_us)
-        events = len(answer.window.events)
-        canvas.caption(f"{request.stream.name}, {view.method}, config {name}: {events} events")
+        canvas.caption(f"{request.stream.name}, {view.method}, config {name}: {_when(answer)}")
         canvases.append(canvas)
     return lay_out(canvases, request.look.colours, request.look.arrangement), tuple(found)
+
+
+def _when(answer: WindowAnswer) -> str:
+    """Events of a window, and for when its ball is."""
+    window, events = answer.window, f"{len(answer.window.events)} events"
+    if answer.detection is None or answer.valid_us == window.end_us:
+        return events
+    return f"{events}, ball valid {window.end_us - answer.valid_us} µs before the end"
 
 
 def window_before(stream: CameraStream, t_us: int, window_us: int) -> Window:
@@ -217,30 +194,20 @@ def window_before(stream: CameraStream, t_us: int, window_us: int) -> Window:
     return Window(stream.slice(end_us - window_us, end_us), end_us - window_us, end_us)
 
 
-def _detector_before(stream: CameraStream, t_us: int, config: DetectorConfig) -> FastDetector:
-    """Detector that has processed the windows before `t_us`."""
-    window_us = config.window.window_us
-    first_us = t_us - min(WARM_UP_WINDOWS, t_us // window_us) * window_us
-    events = stream.slice(first_us, t_us)
-    detector = FastDetector(config)
-    for start_us in range(first_us, t_us, window_us):
-        detector.step(Window(events.between(start_us, start_us + window_us), start_us, start_us + window_us))
-    return detector
-
-
-def _region(request: TuneRequest, found: Detection | None, roi: Roi | None) -> Region:
+def _region(request: TuneRequest, answer: WindowAnswer) -> Region:
     """Visible region around the chosen point, else the ball, the region of interest, its last position, or the
     middle.
     """
-    sensor, view = request.stream.sensor, request.view
+    sensor, view, found = request.stream.sensor, request.view, answer.detection
+    searched_px = None if answer.trace is None else answer.trace.centre_px
     if view.zoom <= 1.0:
         return Region.of_sensor(sensor)
     if view.centre_px is not None:
         centre = view.centre_px
     elif found is not None:
         centre = (found.u_px, found.v_px)
-    elif roi is not None:
-        centre = ((roi.x_min + roi.x_max) / 2, (roi.y_min + roi.y_max) / 2)
+    elif searched_px is not None:
+        centre = searched_px
     elif request.last_px is not None:
         centre = request.last_px
     else:

@@ -32,7 +32,12 @@ class Detection:
 
 
 class Detector(Protocol):
-    """Finds at most one ball per window, windows given in order of time."""
+    """Finds at most one ball per window, windows given in order of time.
+
+    It may offer two methods more. `why_not()` gives the `Reason`s why the last window had no ball: the limits that its
+    nearest candidate failed, for `detect` and Tune. `explain(window)` is a step that gives a `MethodTrace`: what each
+    stage kept, which Tune draws.
+    """
 
     @property
     def extra_circles(self) -> int:
@@ -72,6 +77,8 @@ class DetectionMethod:
     """Sections of the staged pipeline that it takes; empty for every other method."""
     decide: Callable[[Any], Any]
     """Complete a config with the values that the method fixes itself."""
+    views: tuple[str, ...]
+    """Names of the views of its trace, see `MethodTrace`; a method without one has its events and its answer."""
 
     @property
     def section(self) -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import time
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -11,8 +13,22 @@ from numpy.typing import NDArray
 from core.detection.detector import Detection
 from core.detection.fast.cluster import NO_TIMES, ClusterMemory, allocate_clusters, label_events
 from core.detection.fe_fusion_config import FeFusionConfig
+from core.detection.method_trace import (
+    NOISE,
+    RAW,
+    RESULT,
+    CandidateRow,
+    MethodTrace,
+    PixelLayer,
+    Shape,
+    StageCount,
+    View,
+    circle_points,
+    region_shapes,
+)
+from core.detection.reasons import Limit, Reason, failed_limits
 from core.detection.stages.denoise import DenoiseConfig, survives_opening
-from core.detection.stages.roi import Centre, RoiConfig, inside_roi, next_region, roi_around
+from core.detection.stages.roi import Centre, Roi, RoiConfig, inside_roi, next_region, roi_around
 from core.events import Events, SensorSize, Window
 from core.jit import njit
 
@@ -61,14 +77,47 @@ def possible_balls(clusters: Clusters, config: FeFusionConfig) -> NDArray[np.int
 
     That one is the answer. Taking the one nearest to the last centre instead was no better on development flights.
     """
-    radius = clusters.r_px
-    possible = np.flatnonzero(
-        (clusters.events >= config.size_min)
-        & (config.radius_min_px <= radius)
-        & (radius <= config.radius_max_px)
-        & (clusters.elongation <= config.elongation_max)
+    possible = np.ones(len(clusters.events), np.bool_)
+    for values, limit in zip(_measured(clusters), ball_limits(config), strict=True):
+        possible &= (limit.low <= values) & (values <= limit.high)
+    chosen = np.flatnonzero(possible)
+    return chosen[np.argsort(-clusters.events[chosen], kind="stable")]
+
+
+def ball_limits(config: FeFusionConfig) -> tuple[Limit, ...]:
+    """The limits of a ball's cluster."""
+    inf = math.inf
+    return (
+        Limit("events of the cluster", "fe_fusion.size_min", config.size_min, inf),
+        Limit("radius", "fe_fusion.radius_min_px", config.radius_min_px, inf, "px"),
+        Limit("radius", "fe_fusion.radius_max_px", -inf, config.radius_max_px, "px"),
+        Limit("elongation", "fe_fusion.elongation_max", -inf, config.elongation_max),
     )
-    return possible[np.argsort(-clusters.events[possible], kind="stable")]
+
+
+def _measured(clusters: Clusters) -> tuple[NDArray[np.number], ...]:
+    """What is compared with `ball_limits`, in its order."""
+    return clusters.events, clusters.r_px, clusters.r_px, clusters.elongation
+
+
+VIEWS: Final = (RAW, "denoised", "clusters", RESULT)
+"""The stages, as on their buttons."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FeFusionTrace:
+    """All stages of one window."""
+
+    roi: Roi | None
+    """Where the ball is searched; None: everywhere."""
+    kept: Events
+    """Events of the region that survive denoising."""
+    labels: NDArray[np.int64]
+    """(N,) number of each one's cluster, -1 for none."""
+    clusters: Clusters | None
+    """None if there are no events."""
+    detection: Detection | None
+    seconds: float
 
 
 ROOM: Final = 1 << 14
@@ -94,6 +143,8 @@ class FeFusionDetector:
         """Forget everything seen before."""
         self._centre_px: Centre | None = None
         self._misses = 0
+        self._clusters: Clusters | None = None
+        self._counts = 0, 0
         self.extra_circles = 0
 
     def step(self, window: Window) -> Detection | None:
@@ -103,12 +154,13 @@ class FeFusionDetector:
             self._make_room(ROOM)
             self.reset()
         self.extra_circles = 0
-        detection, found_px = None, None
+        detection, found_px, self._clusters = None, None, None
         events = self._kept(window.events)
+        self._counts = len(window.events), len(events)
         if len(events):
             if len(events) > self._room:
                 self._make_room(2 * len(events))
-            clusters = measure_clusters(events.x_px, events.y_px, self._memory)
+            clusters = self._clusters = measure_clusters(events.x_px, events.y_px, self._memory)
             possible = possible_balls(clusters, self.config)
             if len(possible):
                 ball = possible[0]
@@ -132,3 +184,91 @@ class FeFusionDetector:
     def _make_room(self, room: int) -> None:
         self._room = room
         self._memory = allocate_clusters(self.config.eps_px, self.config.min_samples, self.sensor, room)
+
+    def why_not(self) -> tuple[Reason, ...]:
+        """Why the last window had no ball: limits that the cluster failed which failed the fewest, of several the
+        largest.
+        """
+        seen, kept = self._counts
+        if not kept:
+            near = "fe_fusion.roi_expand_px" if seen else "window.window_us"
+            return (Reason("events in the region" if seen else "events in the window", near, 0, 1),)
+        failed = [] if self._clusters is None else _failed(self._clusters, self.config)
+        if not failed:
+            return (Reason("clusters", "fe_fusion.eps_px", 0, 1),)
+        sizes = self._clusters.events if self._clusters is not None else ()
+        return min(zip(failed, sizes, strict=True), key=lambda pair: (len(pair[0]), -pair[1]))[0]
+
+    def trace(self, window: Window) -> FeFusionTrace:
+        """The step of this window with every intermediate result."""
+        roi = roi_around(self._centre_px, self._region)
+        kept = self._kept(window.events)
+        start_s = time.perf_counter()
+        detection = self.step(window)
+        seconds = time.perf_counter() - start_s
+        labels = self._memory.labels[: len(kept)].astype(np.int64)  # copied: the next window overwrites them
+        return FeFusionTrace(roi, kept, labels, self._clusters, detection, seconds)
+
+    def explain(self, window: Window) -> MethodTrace:
+        """The step of this window as Tune and `detect --explain` show it."""
+        return _view_of(self.trace(window), window, self.config, self.why_not())
+
+
+def _failed(clusters: Clusters, config: FeFusionConfig) -> list[tuple[Reason, ...]]:
+    """For each cluster the limits that it failed."""
+    limits = ball_limits(config)
+    return [failed_limits([float(value) for value in row], limits) for row in zip(*_measured(clusters), strict=True)]
+
+
+def _view_of(trace: FeFusionTrace, window: Window, config: FeFusionConfig, reasons: tuple[Reason, ...]) -> MethodTrace:
+    rows = () if trace.clusters is None else tuple(_rows(trace, trace.clusters, config))
+    regions = region_shapes(trace.roi)
+    circles = () if trace.clusters is None else tuple(
+        Shape(
+            "rejected" if row.reasons else "accepted", circle_points(float(u), float(v)), float(r),
+            f"{row.label}: {row.reasons[0].text}" if row.reasons else f"{row.label}: {row.verdict}",
+            (float(u + r) + 2, float(v - r)),
+        )
+        for row, u, v, r in zip(rows, trace.clusters.u_px, trace.clusters.v_px, trace.clusters.r_px, strict=True)
+    )  # fmt: skip
+    coloured = PixelLayer.of_events(trace.kept, np.where(trace.labels >= 0, trace.labels, NOISE))
+    kept, good = len(trace.kept), sum(not row.reasons for row in rows)
+    return MethodTrace(
+        views=(
+            View(RAW, "window", None, shows_ball=False),
+            View("denoised", "fe_fusion", PixelLayer.of_events(trace.kept), regions, shows_ball=False),
+            View("clusters", "fe_fusion", coloured, (*regions, *circles), shows_ball=False),
+            View(RESULT, "fe_fusion", None, regions),
+        ),
+        counts={
+            "window": StageCount(len(window.events), kept),
+            "fe_fusion": StageCount(len(rows), good, "within the limits", "clusters", trace.seconds),
+        },
+        noun="cluster",
+        titles=("events", "radius [px]", "elongation"),
+        candidates=rows,
+        detection=trace.detection,
+        reasons=() if trace.detection is not None else reasons,
+        where="searched in the ROI" if trace.roi else "searched on the whole sensor",
+    )
+
+
+def _rows(trace: FeFusionTrace, clusters: Clusters, config: FeFusionConfig) -> list[CandidateRow]:
+    failed = _failed(clusters, config)
+    best = next(iter(possible_balls(clusters, config)), None)
+    return [
+        CandidateRow(
+            label=number,
+            figures=(
+                f"{clusters.events[number]}",
+                f"{clusters.r_px[number]:.1f}",
+                f"{clusters.elongation[number]:.2f}",
+            ),
+            reasons=why,
+            verdict="ball" if number == best else "smaller than the ball's",
+            order=float(clusters.events[number]),
+            x_px=trace.kept.x_px[trace.labels == number],
+            y_px=trace.kept.y_px[trace.labels == number],
+        )
+        for number, why in enumerate(failed)
+    ]

@@ -15,14 +15,19 @@ from core.detection.config import (
     paper_config,
 )
 from core.detection.detector import DETECTORS, DetectionMethod, Detector, Rgb, section_name
+from core.detection.ebpp import VIEWS as EBPP_VIEWS
 from core.detection.ebpp import EbppDetector
 from core.detection.ebpp_config import EbppConfig
 from core.detection.fast.detector import FastDetector
+from core.detection.fe_fusion import VIEWS as FE_FUSION_VIEWS
 from core.detection.fe_fusion import FeFusionDetector
 from core.detection.fe_fusion_config import FeFusionConfig
+from core.detection.method_trace import PLAIN_VIEWS
 from core.detection.refined.detector import RefinedDetector
+from core.detection.refined.view import VIEWS as REFINED_VIEWS
 from core.detection.refined_config import RefinedConfig
 from core.detection.stage_trace import TrackState
+from core.detection.staged_view import VIEWS as STAGED_VIEWS
 from core.detection.window import WindowConfig
 from core.errors import CommandError, PluginError
 from core.events import SensorSize
@@ -37,6 +42,8 @@ UNNAMED_METHOD: Final[Method] = "auto"
 """Method of files, links and browser settings that name none: this was the default when they were written."""
 SECTIONS: Final[Mapping[Method, tuple[str, ...]]] = DETECTORS.view(lambda one: one.sections)
 """The sections of `DetectorConfig` that each takes its settings from."""
+VIEWS: Final[Mapping[Method, tuple[str, ...]]] = DETECTORS.view(lambda one: one.views)
+"""The views of each method's trace."""
 FRAME_METHODS: Final[dict[str, str]] = {"yolo": "a rival: YOLOv4-tiny on the pictures of a colour camera"}
 """Methods that look at pictures, with their descriptions. The caller makes them, as their network needs torch."""
 
@@ -52,6 +59,7 @@ def register_detector(
     usual: tuple[str, ...] = (),
     stages: tuple[str, ...] = (),
     decide: Callable[[DetectorConfig], DetectorConfig] = lambda config: config,
+    views: tuple[str, ...] = PLAIN_VIEWS,
 ) -> None:
     """Add a detector: to the command line, Tune, comparisons, automatic tuning, scores and the contract tests.
 
@@ -65,6 +73,7 @@ def register_detector(
         usual: the thresholds, such as `my_detector.radius_px`, that `tune` searches for; empty: all of `config`.
         stages: only for the staged pipeline, whose `config` is None: the stages it takes settings from.
         decide: puts into a config what the method decides itself.
+        views: names of the views that its `explain` gives, the buttons of Tune.
 
     Raises:
         PluginError: if the name is taken, or one of these does not fit.
@@ -89,6 +98,7 @@ def register_detector(
         usual=usual,
         stages=stages,
         decide=decide,
+        views=views,
     )
     DETECTORS.register(name, method)
 
@@ -120,23 +130,23 @@ _REFINED_USUAL: Final = (
 
 register_detector(
     "auto", FastDetector, None, "the paper's stages, the leading polarity decided from the data", (255, 240, 90),
-    usual=_STAGED_USUAL, stages=_STAGES,
+    usual=_STAGED_USUAL, stages=_STAGES, views=STAGED_VIEWS,
 )  # fmt: skip
 register_detector(
     "paper", FastDetector, None, "the paper's stages, ON always leads", (255, 130, 210),
-    usual=_STAGED_USUAL, stages=_STAGES, decide=paper_config,
+    usual=_STAGED_USUAL, stages=_STAGES, decide=paper_config, views=STAGED_VIEWS,
 )  # fmt: skip
 register_detector(
     "refined", RefinedDetector, RefinedConfig, "both edges as one moving circle, every millisecond", (113, 217, 127),
-    window_us=REFINED_WINDOW_US, usual=_REFINED_USUAL,
+    window_us=REFINED_WINDOW_US, usual=_REFINED_USUAL, views=REFINED_VIEWS,
 )  # fmt: skip
 register_detector(
     "ebpp", EbppDetector, EbppConfig, "a rival: circles in a surface of the latest edges", (183, 111, 255),
-    window_us=EBPP_WINDOW_US,
+    window_us=EBPP_WINDOW_US, views=EBPP_VIEWS,
 )  # fmt: skip
 register_detector(
     "fe-fusion", FeFusionDetector, FeFusionConfig, "a rival: the centroid of one cluster of events", (243, 89, 85),
-    window_us=FE_FUSION_WINDOW_US,
+    window_us=FE_FUSION_WINDOW_US, views=FE_FUSION_VIEWS,
 )  # fmt: skip
 DETECTORS.mark_built_in()
 STAGED: Final = frozenset(name for name, one in DETECTORS.registered().items() if one.stages)

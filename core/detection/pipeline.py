@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 
 from core.detection.config import DetectorConfig
 from core.detection.detector import Detection
+from core.detection.reasons import Reason
 from core.detection.stage_trace import Candidate, PipelineTrace, StageTrace, TrackState
-from core.detection.stages.cluster import ClusterConfig, cluster_labels, reject_size
+from core.detection.stages.cluster import ClusterConfig, cluster_labels, size_reason
 from core.detection.stages.denoise import survives_opening
 from core.detection.stages.flicker import FlickerMemory, keep_steady_pixels
-from core.detection.stages.geometry import measure_shape, reject_shape
+from core.detection.stages.geometry import measure_shape, shape_reasons
 from core.detection.stages.hot_pixels import HotPixelMemory, keep_cool_pixels
-from core.detection.stages.localise import enclosing_circle, reject_circle
+from core.detection.stages.localise import circle_reason, enclosing_circle
 from core.detection.stages.polarity import addresses, near_centroid, on_evidence, on_leads, remember
 from core.detection.stages.roi import inside_roi, next_region, roi_around
 from core.events import Events, Window
@@ -152,7 +153,7 @@ def _examine(
 ) -> Candidate:
     """Take one cluster through the remaining stages; the first that rejects it is named, the others still measure."""
     events = clean.rows(rows)
-    reasons = [("cluster", reject_size(len(rows), config.cluster))]
+    reasons = [("cluster", size_reason(len(rows), config.cluster))]
     with clock.time("polarity"):
         evidence = 0.0
         if config.polarity.leading_polarity == "auto":
@@ -164,16 +165,16 @@ def _examine(
         edge_px = addresses(clean.rows(leading_rows))
         leading_rows = leading_rows[near_centroid(edge_px, edge_px, config.polarity.outlier_radius_px)]
         leading = clean.rows(leading_rows)
-        reasons.append(("polarity", None if len(leading) else f"no {'ON' if leading_on else 'OFF'} events"))
+        reasons.append(("polarity", None if len(leading) else _no_edge(leading_on)))
     shape, circle = None, None
     if len(leading):
         with clock.time("geometry"):
             shape = measure_shape(addresses(leading))
-            reasons.append(("geometry", reject_shape(shape, config.geometry)))
+            reasons += [("geometry", reason) for reason in shape_reasons(shape, config.geometry)]
         with clock.time("localise"):
             circle = enclosing_circle(shape.hull_px)
-            reasons.append(("localise", reject_circle(circle, config.localise)))
-    rejected_by, rejected = next(((stage, why) for stage, why in reasons if why), (None, None))
+            reasons.append(("localise", circle_reason(circle, config.localise)))
+    failed = [(stage, why) for stage, why in reasons if why is not None]
     return Candidate(
         label=label,
         rows=rows,
@@ -184,9 +185,14 @@ def _examine(
         leading_events=leading,
         shape=shape,
         circle=circle,
-        rejected=rejected,
-        rejected_by=rejected_by,
+        reasons=tuple(why for _, why in failed),
+        rejected_by=failed[0][0] if failed else None,
     )
+
+
+def _no_edge(leading_on: bool) -> Reason:
+    text = f"no {'ON' if leading_on else 'OFF'} events"
+    return Reason("events of the leading polarity", "polarity.leading_polarity", 0, 1, told=text)
 
 
 def _choose(balls: Sequence[Candidate], centre_px: tuple[float, float] | None) -> Candidate | None:

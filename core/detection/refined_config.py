@@ -9,48 +9,69 @@ from core.config import check_settings, setting
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RefinedConfig:
-    """The refined detector: its history, and the limits of a ball."""
+    """The refined detector: its history, and the limits of a ball, in the order of its stages."""
 
-    motion_px: float = setting(3.5, 1.0, 12.0, step=0.5)
-    """History of a fit, in pixels of the ball's motion: enough for both edges to cross whole pixels."""
-    history_min_us: int = setting(2000, 500, 20_000, step=100)
-    """Shortest history, for fast balls."""
-    history_max_us: int = setting(16_000, 2000, 40_000, step=500)
-    """Longest history, for slow balls: gravity bends their path."""
-    delay_us: int = setting(230, 0, 5000, step=10)
-    """An estimate holds for the end of the window less this. About the photoreceptor's time constant, and longer in the
-    dark: one number for a sensor. 230 is that of the simulation's; `detect --json` estimates it."""
-    radius_min_px: float = setting(3.0, 1.0, 100.0, step=0.5)
-    """Smallest radius of a ball."""
-    radius_max_px: float = setting(40.0, 3.0, 300.0, step=0.5)
-    """Largest radius of a ball."""
-    speed_min_px_per_ms: float = setting(0.12, 0.0, 5.0, step=0.01)
+    radius_min_px: float = setting(3.0, 1.0, 100.0, step=0.5, stage="search")
+    """Smallest radius of a ball. A first estimate may be 0.6 times as large."""
+    radius_max_px: float = setting(40.0, 3.0, 300.0, step=0.5, stage="search")
+    """Largest radius of a ball. A first estimate may be 1.5 times as large, a blob four times."""
+    speed_min_px_per_ms: float = setting(0.12, 0.0, 5.0, step=0.01, stage="candidates")
     """Slowest ball."""
-    speed_max_px_per_ms: float = setting(25.0, 0.5, 100.0, step=0.5)
+    speed_max_px_per_ms: float = setting(25.0, 0.5, 100.0, step=0.5, stage="candidates")
     """Fastest ball."""
-    pace_min_per_ms: float = setting(0.038, 0.0, 1.0, step=0.001)
+    motion_px: float = setting(3.5, 1.0, 12.0, step=0.5, stage="edge points")
+    """History of a fit, in pixels of the ball's motion: enough for both edges to cross whole pixels."""
+    history_min_us: int = setting(2000, 500, 20_000, step=100, stage="edge points")
+    """Shortest history, for fast balls."""
+    history_max_us: int = setting(16_000, 2000, 40_000, step=500, stage="edge points")
+    """Longest history, for slow balls: gravity bends their path."""
+    points_min: int = setting(12, 5, 200, stage="edge points")
+    """Fewest edge points of a fit."""
+    stretch_min_ms: float = setting(-0.2, -2.0, 0.0, step=0.05, stage="fit")
+    """Smallest edge latency: half of what the trailing edge lags behind the leading one. It is above 0 for a sensor,
+    below only by the error of a fit."""
+    stretch_max_ms: float = setting(2.5, 0.5, 20.0, step=0.1, stage="fit")
+    """Largest edge latency. It was 0.4 to 2 ms on drawn sensors; a slow photoreceptor has more."""
+    residual_px: float = setting(0.55, 0.1, 3.0, step=0.05, stage="fit")
+    """Largest root mean square distance of the edge points from the circle, robustly weighted."""
+    coverage_min: float = setting(0.55, 0.1, 1.0, step=0.05, stage="fit")
+    """Smallest share of the circle's sectors with edge points."""
+    edge_coverage_min: float = setting(0.25, 0.0, 1.0, step=0.05, stage="fit")
+    """The same for the weaker edge, leading or trailing: two of its eight sectors. One edge alone fits many circles."""
+    inside_max: float = setting(0.3, 0.0, 1.0, step=0.05, stage="fit")
+    """Most events inside the disc per event on its rim; a ball has few, a part of a person many."""
+    fill_min: float = setting(0.33, 0.0, 1.0, step=0.01, stage="fit")
+    """Smallest share of the pixels swept by both edges that have edge points."""
+    stray_max: float = setting(0.55, 0.0, 1.0, step=0.05, stage="fit")
+    """Largest share of outliers in the band; clutter and random fits have many."""
+    fresh_min: float = setting(0.06, 0.0, 1.0, step=0.01, stage="fit")
+    """Smallest share of the leading edge's points in the last third of the history. Steady motion brings a third; what
+    has vanished none, while a long history alone would still fit."""
+    confirm_fits: int = setting(4, 1, 20, stage="track")
+    """Consistent fits needed to confirm a ball."""
+    evidence_min: float = setting(2.0, 0.0, 6.0, step=0.5, stage="track")
+    """Evidence from clean fits that confirms a ball; a dark object needs three times as much, as shadows are dark."""
+    both_edges_min: float = setting(0.55, 0.0, 1.0, step=0.05, stage="track")
+    """Smallest coverage of the weaker edge, over the last fits, of a ball; a moving limb often shows only one edge."""
+    all_round_min: float = setting(0.5, 0.0, 1.0, step=0.05, stage="track")
+    """Smallest surplus of one polarity on the leading edge: a ball is brighter, or darker, than its ground nearly all
+    round, a striped sleeve is both."""
+    steady_radius: float = setting(0.1, 0.02, 1.0, step=0.01, stage="track")
+    """Share of the radius within which the last four radii of a ball lie: what emerges from an occlusion grows."""
+    confirm_motion_px: float = setting(1.5, 0.0, 20.0, step=0.5, stage="track")
+    """Distance it must have moved meanwhile to be confirmed."""
+    pace_min_per_ms: float = setting(0.038, 0.0, 1.0, step=0.001, stage="track")
     """Slowest ball in its own radii per ms: 0.038 is 0.76 m/s for one,
     and 3.8 m/s for a head, which is five times as large."""
-    residual_px: float = setting(0.55, 0.1, 3.0, step=0.05)
-    """Largest root mean square distance of the edge points from the circle, robustly weighted."""
-    coverage_min: float = setting(0.55, 0.1, 1.0, step=0.05)
-    """Smallest share of the circle's sectors with edge points."""
-    points_min: int = setting(12, 5, 200)
-    """Fewest edge points of a fit."""
-    inside_max: float = setting(0.3, 0.0, 1.0, step=0.05)
-    """Most events inside the disc per event on its rim; a ball has few, a part of a person many."""
-    fill_min: float = setting(0.33, 0.0, 1.0, step=0.01)
-    """Smallest share of the pixels swept by both edges that have edge points."""
-    stray_max: float = setting(0.55, 0.0, 1.0, step=0.05)
-    """Largest share of outliers in the band; clutter and random fits have many."""
-    evidence_min: float = setting(2.0, 0.0, 6.0, step=0.5)
-    """Evidence from clean fits that confirms a ball; a dark object needs three times as much, as shadows are dark."""
-    confirm_fits: int = setting(4, 1, 20)
-    """Consistent fits needed to confirm a ball."""
-    confirm_motion_px: float = setting(1.5, 0.0, 20.0, step=0.5)
-    """Distance it must have moved meanwhile to be confirmed."""
-    coast_us: int = setting(12_000, 0, 100_000, step=1000)
+    given_up: float = setting(-3.0, -12.5, -0.5, step=0.5, stage="track")
+    """Evidence at which a candidate is given up: a few bad fits. -12.5 is never reached."""
+    confirmed_given_up: float = setting(-5.0, -12.5, -0.5, step=0.5, stage="track")
+    """The same for a confirmed ball, which may pass clutter."""
+    coast_us: int = setting(12_000, 0, 100_000, step=1000, stage="track")
     """An unseen ball is predicted for this long."""
+    delay_us: int = setting(230, 0, 5000, step=10, stage="result")
+    """An estimate holds for the end of the window less this. About the photoreceptor's time constant, and longer in the
+    dark: one number for a sensor. 230 is that of the simulation's; `detect --json` estimates it."""
 
     def __post_init__(self) -> None:
         check_settings(self)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.detection.detector import Detection
+from core.detection.reasons import Reason
 from core.detection.stages.flicker import FlickerMemory
 from core.detection.stages.geometry import Shape
 from core.detection.stages.hot_pixels import HotPixelMemory
@@ -59,10 +60,15 @@ class Candidate:
     shape: Shape | None
     """Hull, circularity and solidity of the leading events; None when there are none."""
     circle: Circle | None
-    rejected: str | None
-    """Why it is not a ball, with the numbers; None if it is one."""
+    reasons: tuple[Reason, ...]
+    """Every limit that it failed, in the order of the stages."""
     rejected_by: str | None
     """Name of the stage that rejected it."""
+
+    @property
+    def rejected(self) -> str | None:
+        """Why it is not a ball, with the numbers of the first limit; None if it is one."""
+        return self.reasons[0].text if self.reasons else None
 
     @property
     def size(self) -> int:

@@ -16,7 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.detection import Detection, Detector, DetectorConfig
+from core.detection.method_trace import MethodTrace, explain_step
 from core.detection.methods import Method, make_detector, method_config
+from core.detection.reasons import Reason, ReasonCounter, reasons_of
 from core.detection.window import windows_between
 from core.events import Window
 from core.recordings import CameraStream
@@ -74,14 +76,16 @@ def run_detector(
     end_us: int | None = None,
     progress: Callable[[float], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
+    reasons: ReasonCounter | None = None,
 ) -> WindowAnswers:
     """The detector's answers to the whole windows of a camera, those in [start_us, end_us) if given.
 
-    Those so far when `cancelled()` becomes true.
+    Those so far when `cancelled()` becomes true. `reasons` counts why the windows without a ball have none.
     """
     end_us = duration_of(stream) if end_us is None else end_us
     windows = windows_between(stream, start_us, end_us, window_us)
-    return answer_windows(detector, windows, (start_us, end_us), progress=progress, cancelled=cancelled)
+    between = start_us, end_us
+    return answer_windows(detector, windows, between, progress=progress, cancelled=cancelled, reasons=reasons)
 
 
 def run_on_frames(
@@ -90,10 +94,12 @@ def run_on_frames(
     *,
     progress: Callable[[float], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
+    reasons: ReasonCounter | None = None,
 ) -> WindowAnswers:
     """Run a detector over the pictures of a frame camera; a window is one exposure, without events."""
     between = (0, int(frames.t_us[-1])) if len(frames) else (0, 0)
-    return answer_windows(detector, frame_windows(frames), between, progress=progress, cancelled=cancelled)
+    windows = frame_windows(frames)
+    return answer_windows(detector, windows, between, progress=progress, cancelled=cancelled, reasons=reasons)
 
 
 def answer_windows(
@@ -103,6 +109,7 @@ def answer_windows(
     *,
     progress: Callable[[float], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
+    reasons: ReasonCounter | None = None,
 ) -> WindowAnswers:
     """A detector's answers to windows in order of time, which lie between these two times."""
     detector.reset()
@@ -115,6 +122,8 @@ def answer_windows(
         if found is not None:
             place = (found.t_us, found.u_px, found.v_px, found.r_px)
             detections.append(found)
+        elif reasons is not None:
+            reasons.add(reasons_of(detector))
         rows.append((window.end_us, *place, detector.extra_circles))
         if number % (REPORT_EVERY if window.frame is None else 1) == 0:
             if cancelled is not None and cancelled():
@@ -146,6 +155,8 @@ class WindowAnswer:
     detection: Detection | None
     lead_in_windows: int
     """Windows processed before it; fewer at the start of a recording."""
+    trace: MethodTrace | None = None
+    """What each stage kept, from `explain_window`."""
 
     @property
     def valid_us(self) -> int:
@@ -160,6 +171,26 @@ def answer_window(
 
     At the very start of a recording the window is the first whole one.
     """
+    detector, window, lead_in = _led_in(stream, method, config, t_us, lead_in_us)
+    return WindowAnswer(method, window, detector.step(window), lead_in)
+
+
+LEAD_IN_WINDOWS: Final = 25
+"""Fewest windows before one that is explained: the region and the polarity are then those of a live run."""
+
+
+def explain_window(stream: CameraStream, method: Method, config: DetectorConfig, t_us: int) -> WindowAnswer:
+    """Like `answer_window`, with the trace of that window and, for long windows, with more of the time before."""
+    lead_in_us = max(LEAD_IN_US, LEAD_IN_WINDOWS * method_config(method, config).window.window_us)
+    detector, window, lead_in = _led_in(stream, method, config, t_us, lead_in_us)
+    trace = explain_step(detector, window)
+    return WindowAnswer(method, window, trace.detection, lead_in, trace)
+
+
+def _led_in(
+    stream: CameraStream, method: Method, config: DetectorConfig, t_us: int, lead_in_us: int
+) -> tuple[Detector, Window, int]:
+    """A detector that has processed the windows before, the window that ends at `t_us`, and how many those are."""
     window_us = method_config(method, config).window.window_us
     end_us = max(t_us, window_us)
     start_us = end_us - window_us
@@ -168,8 +199,7 @@ def answer_window(
     detector = make_detector(method, stream.sensor, config)
     for first_us in range(start_us - lead_in * window_us, start_us, window_us):
         detector.step(Window(events.between(first_us, first_us + window_us), first_us, first_us + window_us))
-    window = Window(stream.slice(start_us, end_us), start_us, end_us)  # a copy, as answers may be cached
-    return WindowAnswer(method, window, detector.step(window), lead_in)
+    return detector, Window(stream.slice(start_us, end_us), start_us, end_us), lead_in  # a copy, as it may be cached
 
 
 _inside_lock = threading.Lock()
@@ -188,6 +218,10 @@ class TimedDetector:
     def extra_circles(self) -> int:
         """Further circles that the detector found."""
         return self._detector.extra_circles
+
+    def why_not(self) -> tuple[Reason, ...]:
+        """Why the detector's last window had no ball; its time is not measured."""
+        return reasons_of(self._detector)
 
     def reset(self) -> None:
         """Reset the detector; the times are kept."""

@@ -13,6 +13,7 @@ from app.modes.tune.auto_tune import AutoTune
 from app.modes.tune.compare import CompareOverTime
 from app.modes.tune.compare_run import KnownReferences
 from app.modes.tune.label_score import LabelScore, find_reference, score_with_labels
+from app.modes.tune.nothing_found import NothingFound, SampleRequest
 from app.modes.tune.results_panel import ResultsPanel
 from app.modes.tune.settings import ConfigFilesPanel, SettingsPanel, TuneViewPanel, detect_command
 from app.panels.time_bar import Runs, runs_of_verdicts
@@ -22,7 +23,7 @@ from app.views.answer_cache import AnswerCache
 from app.views.methods_picture import MethodsRequest, answer_methods
 from app.views.requests import PictureAnswer, TuneRequest, answer_request
 from core.detection import DetectorConfig
-from core.detection.methods import Method, make_detector
+from core.detection.methods import METHODS, Method, make_detector
 from core.detection.saved import load_detector
 from core.metrics import judge_answers, known_truth, run_detector
 from core.metrics.run import TimedDetector
@@ -60,6 +61,10 @@ class TuneMode:
         self._settings = SettingsPanel(gui, self._send)
         self._compare = CompareOverTime(host, self._send, lambda width_px: self._results.make_room(width_px))
         self._results = ResultsPanel(gui, lambda: host.later(self._start_score), lambda: host.later(self._score.cancel))
+        self._nothing = NothingFound(
+            host.pool, host.later, self._failed, lambda html: self._results.candidates.show_nothing_found(html)
+        )
+        self._sample: SampleRequest | None = None
         self._auto = AutoTune(host, self._results.show_tuned)
         self._files = ConfigFilesPanel(
             gui,
@@ -95,6 +100,7 @@ class TuneMode:
         self._auto.cancel()
         self._compare.forget()
         self._answers.clear()
+        self._sample = None
         self._last_px.clear()
         self._known.clear()
 
@@ -121,6 +127,8 @@ class TuneMode:
         self._settings.tick(wall_s)
         self._auto.tick(wall_s)
         self._compare.tick(wall_s)
+        self._nothing.want(self._sample, wall_s)
+        self._nothing.tick(wall_s)
         self._request_picture(state, now_us)
 
     def clicked(self, x: float, y: float) -> None:
@@ -132,6 +140,7 @@ class TuneMode:
     def close(self) -> None:
         """The browser has disconnected."""
         self._pictures.close()
+        self._nothing.close()
         self._score.close()
         self._auto.close()
         self._compare.close()
@@ -192,20 +201,31 @@ class TuneMode:
             return
         self._host.plane.show(answer.sheet)
         if isinstance(request, TuneRequest):
-            for found in (*answer.traces, *answer.found)[:1]:
+            for found in answer.found[:1]:
                 if found.detection is not None:
                     self._last_px[request.stream.name] = (found.detection.u_px, found.detection.v_px)
+        self._sample = self._sample_for(request, answer)
         names = tuple(name for name, _ in request.configs)
         with self._host.client.atomic():
-            if isinstance(request, TuneRequest) and answer.traces:
-                self._settings.show_trace(answer.traces[names.index(request.view.slot)])
+            if isinstance(request, TuneRequest):
+                self._settings.show_trace(answer.found[names.index(request.view.slot)].trace)
                 picked_px = self._picked[1] if self._picked and self._picked[0] == request.t_us else None
-                traces = tuple(zip(names, answer.traces, strict=True))
-                self._results.candidates.show(traces, answer.seconds, picked_px)
+                titled = zip((f"Config {name}" for name in names), answer.found, strict=True)
+                self._results.candidates.show(tuple(titled), answer.seconds, picked_px)
             else:
                 self._settings.show_trace(None)
-                titles = names if isinstance(request, MethodsRequest) else tuple(f"Config {name}" for name in names)
-                self._results.candidates.show_answers(tuple(zip(titles, answer.found, strict=True)), answer.seconds)
+                self._results.candidates.show_verdicts(tuple(zip(names, answer.found, strict=True)), answer.seconds)
+
+    def _sample_for(self, request: TuneRequest | MethodsRequest, answer: PictureAnswer) -> SampleRequest | None:
+        """What to sample of the recording after a window without a ball; a live one grows and is not sampled."""
+        state, recording = self._host.state, self._host.recording
+        if not isinstance(request, TuneRequest) or state is None or recording is None or state.playhead.live:
+            return None
+        if any(found.detection is not None for found in answer.found):
+            return None
+        stream, method = request.stream, request.view.method
+        key = (recording.uuid, stream.name, method, state.config_of(method))
+        return SampleRequest(key, stream, method, {name: state.config_of(name) for name in METHODS})
 
     # Config files -------------------------------------------------------------------------------------------------
 

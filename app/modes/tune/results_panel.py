@@ -1,8 +1,8 @@
-"""Below the picture in Tune: the clusters of the window, and the scores."""
+"""Below the picture in Tune: the candidates of the window, and the scores."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
@@ -11,12 +11,14 @@ import viser
 from app import theme
 from app.formatting import html_text, table_row
 from app.modes.tune.label_score import LabelScore, label_score_html
-from app.modes.tune.settings import stage_anchor, stage_counts_html
+from app.modes.tune.settings import setting_anchor, stage_counts_html
 from app.panels.keys import float_below_pictures, place_below_pictures
 from app.pictures.palette import palette
-from app.views.stage_picture import cluster_colour_index
+from app.views.stage_picture import KIND_INK, cluster_colour_index
 from app.widgets import when_changed, when_clicked
-from core.detection import Candidate, Detection, PipelineTrace, RefinedDetection
+from core.detection import Detection, RefinedDetection
+from core.detection.method_trace import CandidateRow, MethodTrace, Residuals
+from core.detection.reasons import FIXED, Reason, ReasonCount
 from core.metrics import Score
 from core.metrics.run import WindowAnswer
 from core.metrics.streaming import StreamingScore, TimedRun
@@ -124,50 +126,72 @@ def _score_row(title: str, score: Score, in_time: StreamingScore) -> str:
 
 LISTED = 40
 PICK_PX = 6.0
-"""Largest distance of a click from a cluster's nearest event that selects it."""
+"""Largest distance of a click from a candidate's nearest event that selects it."""
 TIGHT: Final = "font-size:12.5px;line-height:15px;padding:0 12px;margin-top:-6px"
 CELL: Final = "padding:0"
 """CSS of a table cell: four clusters fit into a window of 1280x720 without scrolling."""
 
 
 class CandidatesTable:
-    """A table of the clusters, the ball first, then by size."""
+    """A table of the candidates of a window, the ball first; without a ball the reasons come before it."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
+        self._nothing = gui.add_html("", visible=False)
         self._table = gui.add_html(stage_counts_html("computing the first window"))
 
     def show(
         self,
-        traces: tuple[tuple[str, PipelineTrace], ...],
+        answers: tuple[tuple[str, WindowAnswer], ...],
         seconds: float,
         picked_px: tuple[float, float] | None = None,
     ) -> None:
-        """Show the clusters of each config's trace; a clicked one comes first."""
-        tables = (candidates_html(name if len(traces) > 1 else "", t, cluster_at(t, picked_px)) for name, t in traces)
+        """Show the candidates of each answer, under a title if there are several; a clicked one comes first."""
+        several = len(answers) > 1
+        tables = (answer_html(title if several else "", answer, picked_px) for title, answer in answers)
         self._table.content = "".join(tables) + stage_counts_html(f"picture made in {seconds * 1e3:.0f} ms")
 
-    def show_answers(self, answers: tuple[tuple[str, WindowAnswer], ...], seconds: float) -> None:
-        """Show the answers of several methods, or of one method without stages with each config, with their titles."""
-        self._table.content = "".join(answer_html(title if len(answers) > 1 else "", a) for title, a in answers) + (
-            stage_counts_html(f"picture made in {seconds * 1e3:.0f} ms")
-        )
+    def show_verdicts(self, answers: tuple[tuple[str, WindowAnswer], ...], seconds: float) -> None:
+        """Show only what each of several methods answers."""
+        lines = "".join(verdict_html(title, answer) for title, answer in answers)
+        self._table.content = lines + stage_counts_html(f"picture made in {seconds * 1e3:.0f} ms")
+
+    def show_nothing_found(self, content: str) -> None:
+        """Show why nothing is found in the whole recording; nothing if empty."""
+        self._nothing.content = content
+        self._nothing.visible = bool(content)
 
 
-def answer_html(title: str, answer: WindowAnswer) -> str:
-    """HTML of one answer without clusters."""
+def answer_html(title: str, answer: WindowAnswer, picked_px: tuple[float, float] | None = None) -> str:
+    """HTML of one answer with its candidates."""
+    trace = answer.trace
+    if trace is None or not trace.titles:
+        return verdict_html(title, answer)
+    return candidates_html(title, trace, candidate_at(trace, picked_px), facts=answer_facts(answer))
+
+
+def verdict_html(title: str, answer: WindowAnswer) -> str:
+    """HTML of one answer without candidates."""
     label = f"{html_text(title)}: " if title else ""
     window = answer.window
     length_ms = (window.end_us - window.start_us) / 1e3
     lines = [f"{label}{_verdict(answer.detection)} &middot; {len(window.events)} events in {length_ms:g} ms"]
-    ball = answer.detection
-    if ball is not None:
-        lines.append(f"valid {(window.end_us - ball.t_us) / 1e3:.2f} ms before the end of the window")
-    if isinstance(ball, RefinedDetection):
-        sigma_px = float(ball.centre_covariance_px2.trace()) ** 0.5
-        lines.append(f"moves ({ball.vu_px_per_ms:+.2f}, {ball.vv_px_per_ms:+.2f}) px/ms")
-        lines.append(f"estimated error {sigma_px:.2f} px, {ball.fit.points:.0f} edge points")
+    reasons = () if answer.trace is None else answer.trace.reasons
+    lines += [reasons_html(reasons)] if reasons else []
+    lines += answer_facts(answer)
     lines.append(f"{answer.method} has processed the {answer.lead_in_windows} windows before")
     return "<div style='font-size:12.5px;padding:4px 12px'>" + "<br>".join(lines) + "</div>"
+
+
+def answer_facts(answer: WindowAnswer) -> list[str]:
+    """Phrases about the ball: when it is valid, how it moves, how sure it is."""
+    ball, facts = answer.detection, []
+    if ball is not None:
+        facts.append(f"valid {(answer.window.end_us - ball.t_us) / 1e3:.2f} ms before the end of the window")
+    if isinstance(ball, RefinedDetection):
+        sigma_px = float(ball.centre_covariance_px2.trace()) ** 0.5
+        facts.append(f"moves ({ball.vu_px_per_ms:+.2f}, {ball.vv_px_per_ms:+.2f}) px/ms")
+        facts.append(f"estimated error {sigma_px:.2f} px, {ball.fit.points:.0f} edge points")
+    return facts
 
 
 def _verdict(found: Detection | None) -> str:
@@ -177,50 +201,98 @@ def _verdict(found: Detection | None) -> str:
     return f"<b style='color:{theme.GOOD}'>ball at {where}, radius {found.r_px:.1f} px</b>"
 
 
-def cluster_at(trace: PipelineTrace, point_px: tuple[float, float] | None) -> int | None:
-    """Label of the cluster with the event nearest to a point, within PICK_PX; None otherwise."""
-    if point_px is None or not trace.candidates:
+def candidate_at(trace: MethodTrace, point_px: tuple[float, float] | None) -> int | None:
+    """Label of the candidate with the event nearest to a point, within PICK_PX; None otherwise."""
+    places = [one for one in trace.candidates if len(one.x_px)]
+    if point_px is None or not places:
         return None
     nearest_px, label = min(
-        (float(np.hypot(one.events.x_px - point_px[0], one.events.y_px - point_px[1]).min()), one.label)
-        for one in trace.candidates
+        (float(np.hypot(one.x_px - point_px[0], one.y_px - point_px[1]).min()), one.label) for one in places
     )
     return label if nearest_px <= PICK_PX else None
 
 
-def candidates_html(name: str, trace: PipelineTrace, picked: int | None = None) -> str:
-    """HTML of one config's clusters; the selected one comes first, highlighted."""
+def candidates_html(name: str, trace: MethodTrace, picked: int | None = None, *, facts: Sequence[str] = ()) -> str:
+    """HTML of the candidates of one window; the selected one comes first, highlighted, with its residuals."""
     verdict = _verdict(trace.detection)
-    where = "searched in the ROI" if trace.roi else "searched on the whole sensor"
-    ordered = sorted(trace.candidates, key=lambda one: (one.label != picked, one.rejected is not None, -one.size))
-    titles = ("", "cluster", "events", "leads", "circularity", "solidity", "radius [px]", "verdict")
+    ordered = sorted(trace.candidates, key=lambda one: (one.label != picked, bool(one.reasons), -one.order))
+    titles = ("", trace.noun, *trace.titles, "verdict")
     head = table_row(titles, f"{CELL};text-align:left;font-weight:500;color:{theme.MUTED}", tag="th")
     rows = "".join(_candidate_row(candidate, candidate.label == picked) for candidate in ordered[:LISTED])
-    more = f"<div>and {len(ordered) - LISTED} smaller ones</div>" if len(ordered) > LISTED else ""
-    label = f"Config {html_text(name)}: " if name else ""
-    count = f"{len(ordered)} cluster" if len(ordered) == 1 else f"{len(ordered)} clusters"
+    more = f"<div>and {len(ordered) - LISTED} more</div>" if len(ordered) > LISTED else ""
+    label = f"{html_text(name)}: " if name else ""
+    plural = "es" if trace.noun.endswith("x") else "s"
+    count = f"{len(ordered)} {trace.noun}" if len(ordered) == 1 else f"{len(ordered)} {trace.noun}{plural}"
+    why = f": {reasons_html(trace.reasons)}" if trace.reasons and not ordered else ""
+    said = " &middot; ".join([f"{label}{verdict}{why}", *facts, trace.where, count])
+    shown = next((one for one in ordered if one.residuals is not None), None)
+    plot = residuals_html(trace.noun, shown.label, shown.residuals) if shown is not None and shown.residuals else ""
     return (
-        f"<div style='{TIGHT}'>{label}{verdict} &middot; {where} &middot; {count}"
-        f"<table style='width:100%;border-spacing:0'>{head}{rows}</table>{more}</div>"
+        f"<div style='{TIGHT}'>{said}<table style='width:100%;border-spacing:0'>{head}{rows}</table>{more}{plot}</div>"
     )
 
 
-def _candidate_row(candidate: Candidate, picked: bool) -> str:
+def reasons_html(reasons: Sequence[Reason | ReasonCount]) -> str:
+    """Links to the sliders of the limits that failed; those without a slider say that they are fixed."""
+    return "; ".join(map(_reason_html, reasons))
+
+
+def _reason_html(reason: Reason | ReasonCount) -> str:
+    if reason.setting is None:
+        return f"<span style='color:{theme.BAD}'>{html_text(reason.text)}</span> ({FIXED})"
+    return (
+        f"<a href='#{setting_anchor(reason.setting)}' title='go to its slider, {html_text(reason.setting)}' "
+        f"style='color:{theme.BAD}'>{html_text(reason.text)}</a>"
+    )
+
+
+def _candidate_row(candidate: CandidateRow, picked: bool) -> str:
     red, green, blue = palette("orange / blue")[cluster_colour_index(candidate.label)]
     swatch = f"<span style='color:rgb({red},{green},{blue})'>&#9632;</span>"
-    shape, circle = candidate.shape, candidate.circle
     verdict = (
-        f"<a href='#{stage_anchor(candidate.rejected_by)}' title='go to its sliders' "
-        f"style='color:{theme.BAD}'>{html_text(candidate.rejected)}</a>"
-        if candidate.rejected and candidate.rejected_by
-        else f"<span style='color:{theme.GOOD}'>ball</span>"
+        reasons_html(candidate.reasons)
+        if candidate.reasons
+        else f"<span style='color:{theme.GOOD}'>{html_text(candidate.verdict)}</span>"
     )
-    cells = (
-        swatch, candidate.label, candidate.size, "ON" if candidate.leading_on else "OFF",
-        f"{shape.circularity:.2f}" if shape else "-", f"{shape.solidity:.2f}" if shape else "-",
-        f"{circle.r_px:.1f}" if circle else "-", verdict,
-    )  # fmt: skip
+    cells = (swatch, candidate.label, *map(html_text, candidate.figures), verdict)
     return table_row(cells, CELL, row_style="background:rgba(255,140,40,0.25)" if picked else "")
+
+
+PLOT_PX: Final = (420, 74)
+"""Width and height of the plot of residuals."""
+PLOT_SPAN_PX: Final = 2.5
+"""Residual at its upper edge: the width of the band of edge points."""
+PLOTTED: Final = 400
+"""Most points in it."""
+
+
+def residuals_html(noun: str, label: int, residuals: Residuals) -> str:
+    """A small plot of the edge points' distances from the circle over their direction, and the limit of their rms."""
+    width, height = PLOT_PX
+    every = max(1, len(residuals.angle_rad) // PLOTTED)
+    x = (residuals.angle_rad[::every] / (2 * np.pi) + 0.5) * width
+    y = (0.5 - np.clip(residuals.residual_px[::every] / PLOT_SPAN_PX, -1, 1) / 2) * height
+    inks = {kind: palette("orange / blue")[ink].tolist() for kind, ink in KIND_INK.items()}
+    dots = "".join(
+        f"<circle cx='{px:.0f}' cy='{py:.1f}' r='1.3' fill='rgb{tuple(inks[kind])}'/>"
+        for px, py, kind in zip(x.tolist(), y.tolist(), residuals.kind[::every].tolist(), strict=True)
+    )
+    limits = "".join(
+        f"<line x1='0' x2='{width}' y1='{at:.1f}' y2='{at:.1f}' stroke='{theme.MUTED}' stroke-dasharray='{dash}'/>"
+        for at, dash in (
+            (height / 2, ""),
+            ((0.5 - residuals.limit_px / PLOT_SPAN_PX / 2) * height, "3 3"),
+            ((0.5 + residuals.limit_px / PLOT_SPAN_PX / 2) * height, "3 3"),
+        )
+    )
+    text = (
+        f"residuals of {noun} {label} [±{PLOT_SPAN_PX:g} px] over the direction from its motion, -180° to 180°; "
+        "green leading, blue trailing edge, red outliers; dashed: the limit of their rms"
+    )
+    return (
+        f"<div style='color:{theme.MUTED}'>{text}</div><svg width='{width}' height='{height}' role='img' "
+        f"aria-label='residuals'>{limits}{dots}</svg>"
+    )
 
 
 class ResultsPanel:

@@ -9,9 +9,9 @@ from typing import Final
 import viser
 
 from app import theme
-from app.formatting import percent
+from app.formatting import html_text, percent
 from app.panels.field_control import add_field_control, section_title
-from app.state.client_state import OVERLAYS, SLOTS, ClientState, Overlay
+from app.state.client_state import SLOTS, ClientState
 from app.state.commands import (
     ZOOM_RANGE,
     Command,
@@ -30,22 +30,16 @@ from app.state.commands import (
 )
 from app.widgets import Choice, Listing, when_changed, when_clicked
 from core.config import FieldSpec, field_specs, get_setting, replace_setting
-from core.detection import DetectorConfig, PipelineTrace
-from core.detection.methods import METHODS, SECTIONS, STAGED, Method
+from core.detection import DetectorConfig
+from core.detection.method_trace import MethodTrace, StageCount, setting_group
+from core.detection.methods import DEFAULT_METHOD, METHODS, SECTIONS, VIEWS, Method
 from core.errors import ConfigError
 from core.tuning.parameters import tunable_parameters
 
 FOLDED = ("hot_pixels", "flicker", "roi")
 """Sections that start folded: optional stages, and what rarely needs a change."""
-STAGE_OF: Final[dict[Overlay, str]] = {
-    "raw": "window",
-    "denoised": "denoise",
-    "clusters": "cluster",
-    "polarity": "polarity",
-    "geometry": "geometry",
-    "result": "localise",
-}
-"""Section of sliders for each picture; it comes first."""
+OPTIONAL = ("hot_pixels", "flicker")
+"""Stages that may be off."""
 REST_S: Final = 1.0
 """A value that conflicts with others (a 3 on the way to 30) is checked after this long without typing."""
 
@@ -56,12 +50,14 @@ class SettingsPanel:
     def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None]) -> None:
         self._handles: dict[tuple[str, ...], viser.GuiInputHandle] = {}
         self._counts: dict[str, viser.GuiHtmlHandle] = {}
-        self._sections: dict[str, viser.GuiFolderHandle] = {}
+        self._groups: dict[str, viser.GuiFolderHandle] = {}
         self._shown: Method | None = None
         self._first: str | None = None
+        self._wanted = ""
         self._send = send
         self._config = DetectorConfig()
         self._held = DebouncedEdit()
+        self._group_of: dict[str, str] = {}
         self.folder = gui.add_folder("Detector")
         with self.folder:
             self._method = gui.add_dropdown("Method", tuple(METHODS), hint="The detector that is tuned")
@@ -71,19 +67,8 @@ class SettingsPanel:
                 ("Undo", "Redo", "Reset", "Copy"),
                 hint="Z undoes, R redoes; Copy gives A's values to B or B's to A",
             )
-            specs = field_specs(DetectorConfig)
-            for stage in dict.fromkeys(spec.path[0] for spec in specs):
-                title = section_title((stage,))
-                self._sections[stage] = gui.add_folder(title, expand_by_default=stage not in FOLDED)
-                with self._sections[stage]:
-                    gui.add_html(anchor_html(stage))
-                    self._counts[stage] = gui.add_html("")
-                    for spec in specs:
-                        if spec.path[0] == stage:
-                            handle = self._handles[spec.path] = add_field_control(gui, spec, slider=True)
-                            when_changed(handle, lambda value, spec=spec: self._edit(spec, value))
-
-        self._orders = {stage: folder.order for stage, folder in self._sections.items()}
+            self._add_groups(gui)
+        self._orders = {group: folder.order for group, folder in self._groups.items()}
         when_changed(self._method, lambda method: send(SetMethod(method)))  # type: ignore[arg-type]
 
         @edit.on_click
@@ -91,13 +76,31 @@ class SettingsPanel:
             commands = {"Undo": Undo(), "Redo": Redo(), "Reset": ResetConfig(), "Copy": CopyToOther()}
             send(commands[str(event.target.value)])
 
+    def _add_groups(self, gui: viser.GuiApi) -> None:
+        """A folder for each section, or for each stage in a section that has several, in the order of the stages."""
+        specs = field_specs(DetectorConfig)
+        for section, stage in dict.fromkeys((spec.path[0], spec.stage) for spec in specs):
+            group = setting_group(section, stage)
+            title = section_title((stage or section,))
+            self._groups[group] = gui.add_folder(title, expand_by_default=section not in FOLDED)
+            with self._groups[group]:
+                gui.add_html(anchor_html(stage_anchor(group)))
+                self._counts[group] = gui.add_html("")
+                for spec in specs:
+                    if (spec.path[0], spec.stage) == (section, stage):
+                        gui.add_html(anchor_html(setting_anchor(".".join(spec.path))))
+                        handle = self._handles[spec.path] = add_field_control(gui, spec, slider=True)
+                        when_changed(handle, lambda value, spec=spec: self._edit(spec, value))
+
     def show(self, state: ClientState) -> None:
         """Show the sliders of the chosen method, where the config of the chosen slot is."""
         self._method.value = state.tune.method
         if state.tune.method != self._shown:
             self._shown = state.tune.method
             self._offer(state.tune.method)
-        self._put_first(STAGE_OF[state.tune.overlay] if state.tune.method in STAGED else None)
+        if self._wanted != state.tune.stage:
+            self._wanted = state.tune.stage
+            self._first_of_view()
         self._config, held = state.config, self._held.edit
         for path, handle in self._handles.items():
             if held is None or path != held.path:
@@ -115,39 +118,51 @@ class SettingsPanel:
         if not self._held.hold(edit, self._config):
             self._send(edit)
 
-    def _put_first(self, stage: str | None) -> None:
-        """Move the sliders of the picture's stage to the top; the others keep their order."""
-        if stage == self._first:
+    def _first_of_view(self) -> None:
+        """Move the sliders of the stage that is shown to the top."""
+        self._put_first(self._group_of.get(self._wanted))
+
+    def _put_first(self, group: str | None) -> None:
+        """Move the sliders of a group to the top; the others keep their order."""
+        if group == self._first:
             return
-        for name in (self._first, stage):
+        for name in (self._first, group):
             if name is not None:
                 above = min(self._orders.values()) - 0.5
-                self._sections[name].order = above if name == stage else self._orders[name]
-        self._first = stage
+                self._groups[name].order = above if name == group else self._orders[name]
+        self._first = group
 
     def _offer(self, method: Method) -> None:
         """Show the fields of the config that this method uses."""
         self._what.content = stage_counts_html(METHODS[method])
         taken = {parameter.spec.path for parameter in tunable_parameters(method, DetectorConfig())}
-        for name, folder in self._sections.items():
-            folder.visible = name in SECTIONS[method] and any(path[0] == name for path in taken)
-            self._counts[name].visible = method in STAGED and name != "window"
+        of_group = {setting_group(spec.path[0], spec.stage): [] for spec in field_specs(DetectorConfig)}
+        for spec in field_specs(DetectorConfig):
+            of_group[setting_group(spec.path[0], spec.stage)].append(spec.path)
+        for name, folder in self._groups.items():
+            paths = of_group[name]
+            folder.visible = paths[0][0] in SECTIONS[method] and any(path in taken for path in paths)
         for path, handle in self._handles.items():
             handle.visible = path in taken
 
-    def show_trace(self, trace: PipelineTrace | None) -> None:
-        """Show events in and out and the time of every stage; nothing without a trace."""
-        stages = {stage.name: stage for stage in trace.stages} if trace else {}
+    def show_trace(self, trace: MethodTrace | None) -> None:
+        """Show what came into every stage and out of it, and its time; nothing without a trace."""
         for name, html in self._counts.items():
-            stage = stages.get(name)
-            if stage is None:
-                html.content = stage_counts_html("off") if trace else ""
-            else:
-                share = f" ({percent(stage.count_out / stage.count_in)})" if stage.count_in else ""
-                html.content = stage_counts_html(
-                    f"{stage.count_in} &rarr; <b>{stage.count_out}</b> events{share} &middot; "
-                    f"{stage.seconds * 1e3:.2f} ms"
-                )
+            count = trace.counts.get(name) if trace else None
+            off = trace is not None and name in OPTIONAL
+            html.content = stage_counts_html("off" if off else "") if count is None else count_html(count)
+        if trace is not None:
+            self._group_of = {view.name: view.group for view in trace.views if view.group in self._groups}
+            self._first_of_view()
+
+
+def count_html(count: StageCount) -> str:
+    """One line with what came into a stage, what it kept, and its time."""
+    alike = count.unit_in in ("", count.unit)
+    share = f" ({percent(count.count_out / count.count_in)})" if alike and count.count_in else ""
+    before = f"{count.count_in}" if alike else f"{count.count_in} {html_text(count.unit_in)}"
+    seconds = "" if count.seconds is None else f" &middot; {count.seconds * 1e3:.2f} ms"
+    return stage_counts_html(f"{before} &rarr; <b>{count.count_out}</b> {html_text(count.unit)}{share}{seconds}")
 
 
 class DebouncedEdit:
@@ -187,14 +202,22 @@ def is_half_typed(spec: FieldSpec, value: object) -> bool:
     return not spec.bounds.low <= value <= spec.bounds.high
 
 
-def stage_anchor(stage: str) -> str:
-    """Anchor by which the page finds a stage's sliders."""
-    return f"stage-{stage.replace('_', '-')}"
+def stage_anchor(group: str) -> str:
+    """Anchor by which the page finds a group of sliders."""
+    return f"stage-{_anchored(group)}"
 
 
-def anchor_html(stage: str) -> str:
-    """HTML anchor of a stage, highlighted while it is the page's target."""
-    name = stage_anchor(stage)
+def setting_anchor(setting: str) -> str:
+    """Anchor by which the page finds the slider of a setting such as `refined.residual_px`."""
+    return f"setting-{_anchored(setting)}"
+
+
+def _anchored(name: str) -> str:
+    return name.replace("_", "-").replace(".", "-").replace(" ", "-")
+
+
+def anchor_html(name: str) -> str:
+    """HTML of an anchor, highlighted while it is the page's target."""
     return (
         f"<style>#{name}:target{{height:3px;margin:0 12px;background:rgb{theme.BRAND_RGB};scroll-margin:60px}}</style>"
         f"<div id='{name}'></div>"
@@ -217,9 +240,9 @@ class TuneViewPanel:
         self.folder = gui.add_folder("View")
         with self.folder:
             self._camera = Listing(gui, "Camera", lambda name: send(SetCamera(name)))
-            self._overlay = Choice(
-                gui, "Stage", OVERLAYS, lambda value: send(SetOverlay(value)),  # type: ignore[arg-type]
-                hint="What each stage keeps; keys 1 to 6",
+            self._stage = Choice(
+                gui, "Stage", VIEWS[DEFAULT_METHOD], lambda value: send(SetOverlay(value)),
+                hint="What each stage keeps; keys 1 to 7",
             )  # fmt: skip
             self._zoom = gui.add_slider("Zoom", *ZOOM_RANGE, 0.5, 1.0, hint="Click into the picture to centre it there")
             self._follow = gui.add_button("Follow the ball", icon=viser.Icon.FOCUS_2)
@@ -236,9 +259,10 @@ class TuneViewPanel:
         """Update the controls from the state."""
         self._camera.offer(state.cameras)
         self._camera.show(state.camera)
-        self._overlay.visible = state.tune.method in STAGED and not state.tune.side_by_side
+        self._stage.visible = not state.tune.side_by_side
         self._compare.visible = not state.tune.side_by_side
-        self._overlay.show(state.tune.overlay)
+        self._stage.offer(VIEWS[state.tune.method])
+        self._stage.show(state.tune.stage)
         self._zoom.value = state.tune.zoom
         following = state.tune.centre_px is None
         zoomed = state.tune.zoom > 1.0

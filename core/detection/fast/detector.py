@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Final
 
@@ -10,9 +11,13 @@ import numpy as np
 
 from core.detection.config import DetectorConfig
 from core.detection.detector import Detection
-from core.detection.fast.cluster import allocate_clusters
+from core.detection.fast.cluster import allocate_clusters, grid_labels
 from core.detection.fast.kernels import PAD, Memory, Settings, find_ball
+from core.detection.method_trace import MethodTrace
+from core.detection.pipeline import trace_window
+from core.detection.reasons import Reason
 from core.detection.stage_trace import TrackState
+from core.detection.staged_view import reasons_without_ball, view_of
 from core.detection.stages.flicker import FlickerMemory, keep_steady_pixels
 from core.detection.stages.hot_pixels import HotPixelMemory, keep_cool_pixels
 from core.detection.stages.polarity import remember
@@ -42,6 +47,7 @@ class FastDetector:
         self._on_leads = 0.0
         self._hot_pixels: HotPixelMemory | None = None
         self._flicker: FlickerMemory | None = None
+        self._missed: tuple[Window, TrackState] | None = None
 
     @property
     def state(self) -> TrackState:
@@ -58,6 +64,7 @@ class FastDetector:
         """Forget everything seen before."""
         self.resume(TrackState())
         self.extra_circles = 0
+        self._missed = None
 
     def resume(self, state: TrackState) -> None:
         """Continue from a state of its own or of the readable pipeline."""
@@ -70,6 +77,7 @@ class FastDetector:
         config, length_us = self.config, window.end_us - window.start_us
         events = self._drop_bad_pixels(window.events)
         circles, evidence, detection = 0, None, None
+        before = TrackState(self._centre_px, self._misses, self._on_leads)
         if len(events):
             centre_px = (self._centre_px if config.roi.enabled else None) or WHOLE_SENSOR
             columns = events.t_us, events.x_px, events.y_px, events.on
@@ -78,10 +86,30 @@ class FastDetector:
             )
             detection = Detection(window.end_us, u, v, r) if circles else None
         found_px = (detection.u_px, detection.v_px) if detection else None
+        self._missed = None if detection else (Window(events, window.start_us, window.end_us), before)
         self.extra_circles = max(0, circles - 1)
         self._centre_px, self._misses = next_region(self._centre_px, self._misses, found_px, config.roi)
         self._on_leads = remember(self._on_leads, evidence if detection else None, length_us, config.polarity)
         return detection
+
+    def why_not(self) -> tuple[Reason, ...]:
+        """Limits that the nearest cluster of the last window failed, from the readable pipeline; empty after a ball."""
+        if self._missed is None:
+            return ()
+        window, state = self._missed
+        config = dataclasses.replace(  # these stages have had their turn
+            self.config,
+            hot_pixels=dataclasses.replace(self.config.hot_pixels, enabled=False),
+            flicker=dataclasses.replace(self.config.flicker, enabled=False),
+        )
+        trace = trace_window(window, state, config, label_clusters=grid_labels)
+        return reasons_without_ball(trace, len(window.events), config)
+
+    def explain(self, window: Window) -> MethodTrace:
+        """The step of this window with the trace of the readable pipeline, whose answer is the same."""
+        trace = trace_window(window, self.state, self.config, label_clusters=grid_labels)
+        detection = self.step(window)
+        return dataclasses.replace(view_of(trace, window, self.config), detection=detection)
 
     def _memory_for(self, events: Events) -> Memory:
         """Working arrays for this sensor and so many events, kept if they are large enough."""

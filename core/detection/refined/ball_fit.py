@@ -24,6 +24,8 @@ from core.detection.refined.patch import (
 from core.jit import njit
 
 SECTORS: Final = 16
+FEWEST_POINTS: Final = 6
+"""Fewest edge points that are fitted: as many as there are unknowns."""
 FEWEST_EVENTS: Final = 12
 """Fewest events in a box for a start estimate."""
 MIN_SPREAD_MS2: Final = 1e-4
@@ -47,6 +49,8 @@ class Work(NamedTuple):
     """(10,) see `Quality`."""
     covariance: NDArray[np.float64]
     """(6, 6) covariance of the estimate for independent errors of the points."""
+    counts: NDArray[np.int64]
+    """(4,) of the last fit, for its trace: edge points, touched pixels of the patch, address x and y of its origin."""
 
 
 class Quality(NamedTuple):
@@ -92,9 +96,8 @@ def blank_work() -> Work:
     columns = np.zeros((6, MAX_POINTS))
     estimate, prior, information = np.zeros((3, UNKNOWNS))
     fit = Fit(estimate, prior, information, np.zeros(2), np.zeros((UNKNOWNS, UNKNOWNS)))
-    return Work(
-        blank_patch(), EdgePoints(*columns), fit, np.zeros(len(Quality._fields)), np.zeros((UNKNOWNS, UNKNOWNS))
-    )
+    quality, covariance = np.zeros(len(Quality._fields)), np.zeros((UNKNOWNS, UNKNOWNS))
+    return Work(blank_patch(), EdgePoints(*columns), fit, quality, covariance, np.zeros(4, np.int64))
 
 
 @njit
@@ -119,6 +122,7 @@ def fit_ball(recent: Recent, work: Work, end_us: int, reach: Reach, band_px: flo
     asked = math.ceil(estimate[4] + speed * span.gather_ms + band_px + 3.0)
     count, x0, y0 = fill_patch(recent, work.patch, estimate[0], estimate[1], min(HALF, asked), span)
     fine = False
+    work.counts[1], work.counts[2], work.counts[3] = count, x0, y0
     blur = math.sqrt(1.0 + (speed * JITTER_MS / SIGMA_PX) ** 2)
     for round_number in range(rounds):
         wider = 2.0 ** (rounds - 1 - round_number)
@@ -126,7 +130,8 @@ def fit_ball(recent: Recent, work: Work, end_us: int, reach: Reach, band_px: flo
             estimate[0], estimate[1], estimate[2], estimate[3], estimate[4], estimate[5], bend[0], bend[1]
         )
         found, inside = edge_points(work.patch, count, (x0, y0), ball, band_px * wider, span, work.points)
-        fine = found >= 6
+        work.counts[0] = found
+        fine = found >= FEWEST_POINTS
         if not fine:
             break
         residual = fit_circle(work.points, found, work.fit, blur * SIGMA_PX, 0.5 * blur * wider, ITERATIONS)

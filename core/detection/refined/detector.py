@@ -11,12 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.detection.detector import Detection
+from core.detection.method_trace import MethodTrace
+from core.detection.reasons import Reason
+from core.detection.refined.attempts import START_RADIUS, Attempt, Origin, reasons_without_ball
 from core.detection.refined.ball_fit import Quality, Reach, blank_work, fit_ball, start_from_place
 from core.detection.refined.circle_fit import UNKNOWNS
 from core.detection.refined.history import EventHistory
 from core.detection.refined.patch import MovingCircle
 from core.detection.refined.search import LONG_AGO_US, SPANS_US, blank_blobs, blank_maps, find_blobs, take_events
-from core.detection.refined.track import BallTrack, passes
+from core.detection.refined.trace import RefinedTrace, TraceRecorder
+from core.detection.refined.track import BallTrack, fit_limits, fit_values, is_within
+from core.detection.refined.view import view_of
 from core.detection.refined_config import RefinedConfig
 from core.events import SensorSize, Window
 
@@ -108,6 +113,8 @@ class RefinedDetector:
         self._reach = Reach(config.motion_px, 1e-3 * config.history_min_us, 1e-3 * config.history_max_us)
         self._work = blank_work()
         self._blobs = blank_blobs()
+        self._limits = fit_limits(config)
+        self._recorder: TraceRecorder | None = None
         self.reset()
 
     def reset(self) -> None:
@@ -121,6 +128,9 @@ class RefinedDetector:
         self._stretch_ms, self._stretch_spread_ms = FIRST_STRETCH_MS
         self._learnt = 0.0
         self.tracks: list[BallTrack] = []
+        self._refused: list[Attempt] = []
+        self._blobs_found = 0
+        self._end_us = 0
 
     @property
     def extra_circles(self) -> int:
@@ -132,8 +142,10 @@ class RefinedDetector:
         if window.events.sensor != self.sensor:
             self.sensor = window.events.sensor
             self.reset()
-        end_us = window.end_us
+        end_us = self._end_us = window.end_us
         self._windows += 1
+        self._refused.clear()
+        self._blobs_found = 0
         self._history.append(window.events, end_us)
         self._recent = self._history.recent
         for track in self.tracks:
@@ -151,6 +163,25 @@ class RefinedDetector:
         u, v, vu, vv, r, stretch_ms, *_ = ball.ball
         seen = observed_covariance(ball.covariance, ball.ball, ball.quality)
         return RefinedDetection(end_us - self.config.delay_us, u, v, r, vu, vv, stretch_ms, seen, ball.quality)
+
+    def why_not(self) -> tuple[Reason, ...]:
+        """Limits that the nearest candidate of the last window failed, see `reasons_without_ball`."""
+        return reasons_without_ball(
+            self._end_us, self._recent, self._blobs_found, self._refused, self.tracks, self.config, self._brighter
+        )
+
+    def trace(self, window: Window) -> RefinedTrace:
+        """The step of this window with every intermediate result: the same code, and the same answer."""
+        self._recorder = recorder = TraceRecorder(self.config, window.end_us)
+        try:
+            detection = self.step(window)
+        finally:
+            self._recorder = None
+        return recorder.finish(self._recent, self.tracks, self._brighter, detection)
+
+    def explain(self, window: Window) -> MethodTrace:
+        """The step of this window as Tune and `detect --explain` show it."""
+        return view_of(self.trace(window), window, self.why_not(), self.config.residual_px)
 
     def _learn_stretch(self, ball: MovingCircle) -> None:
         telling = min(1.0, (ball.vu**2 + ball.vv**2) / FULL_WEIGHT_PX_PER_MS**2)
@@ -180,7 +211,7 @@ class RefinedDetector:
         unseen_ms = 1e-3 * (end_us - track.end_us)
         loose = (1.0 if track.confirmed else UNCONFIRMED_LOOSE) + 0.3 * unseen_ms
         spreads = (loose, 0.15 * loose, 0.15 * loose, 0.5 * loose)
-        if self._refit(track, expected, spreads, end_us, self._reach, BAND_PX + 0.3 * unseen_ms):
+        if self._refit("track", track, expected, spreads, end_us, self._reach, BAND_PX + 0.3 * unseen_ms):
             return
         if not track.confirmed or unseen_ms < 1.5:
             return
@@ -188,11 +219,12 @@ class RefinedDetector:
         for keeps in BOUNCE_RESTITUTION_GUESSES:
             vv = keeps * was.vv
             bounced = was._replace(vv=vv, au=0.0, av=0.0).at(unseen_ms)
-            if self._refit(track, bounced, AFTER_BOUNCE, end_us, BRIEF, BAND_PX):
+            if self._refit("bounce", track, bounced, AFTER_BOUNCE, end_us, BRIEF, BAND_PX):
                 return
 
     def _refit(
         self,
+        origin: Origin,
         track: BallTrack,
         expected: MovingCircle,
         spreads: tuple[float, ...],
@@ -208,21 +240,39 @@ class RefinedDetector:
         fit.information[:] = (place, place, along_u, along_v, radius, stretch)
         fit.bend[:] = expected.au, expected.av
         rounds = 1 if track.confirmed else 2
-        found = self._fit(end_us, reach, band_px, rounds)
+        found = self._fit(origin, end_us, reach, band_px, rounds)
         if found is None:
             return False
         ball, quality = found
-        if _apart_px(ball, expected) > 3.0 * spreads[0] or (track.confirmed and not track.fits_in(ball, quality)):
+        apart_px, most_px = _apart_px(ball, expected), 3.0 * spreads[0]
+        if apart_px > most_px or (track.confirmed and not track.fits_in(ball, quality)):
+            self._refuse(Attempt(origin, ball, quality, track=track, apart_px=apart_px, most_px=most_px))
             return False
         track.take(end_us, ball, self._work.covariance.copy(), quality)
         return True
 
-    def _fit(self, end_us: int, reach: Reach, band_px: float, rounds: int) -> tuple[MovingCircle, Quality] | None:
+    def _fit(
+        self, origin: Origin, end_us: int, reach: Reach, band_px: float, rounds: int
+    ) -> tuple[MovingCircle, Quality] | None:
         """Fit from the start in `self._work.fit`; None if it cannot be a ball."""
-        if not fit_ball(self._recent, self._work, end_us, reach, band_px, rounds):
+        if self._recorder is not None:
+            self._recorder.begin_fit(self._work.fit, reach)
+        fitted = fit_ball(self._recent, self._work, end_us, reach, band_px, rounds)
+        if not fitted:
+            self._refuse(Attempt(origin, points=int(self._work.counts[0])))
             return None
         ball, quality = MovingCircle(*self._work.fit.estimate.tolist()), Quality(*self._work.quality.tolist())
-        return (ball, quality) if passes(ball, quality, self.config) and self._on_sensor(ball) else None
+        if self._recorder is not None:
+            self._recorder.end_fit(origin, self._work, ball, quality)
+        if is_within(fit_values(ball, quality), self._limits) and self._on_sensor(ball):
+            return ball, quality
+        self._refuse(Attempt(origin, ball, quality, on_sensor=self._on_sensor(ball)))
+        return None
+
+    def _refuse(self, attempt: Attempt) -> None:
+        self._refused.append(attempt)
+        if self._recorder is not None:
+            self._recorder.refuse(attempt)
 
     def _search(self, end_us: int) -> None:
         """Search for new blobs, and start tracks of possible balls."""
@@ -234,13 +284,20 @@ class RefinedDetector:
                 self._floods += 1
                 largest_px = 4.0 * self.config.radius_max_px
                 found = find_blobs(self._maps, span, end_us, self._floods, largest_px, self._blobs, found)
+        self._blobs_found = found
+        if self._recorder is not None:
+            evaluated = tuple(self._windows % every == 0 for every in SEARCH_EVERY)
+            self._recorder.take_search(self._recent, self._maps, self._blobs, found, evaluated)
         trials = 0
         for turn in range(found):
             if len(self.tracks) >= MAX_TRACKS or trials >= MAX_TRIALS:
                 break
             blob = (self._windows * MAX_TRIALS + turn) % found  # many blobs are examined in turns
             box = self._blobs.boxes[blob]
-            if not any(_covers(track, box, end_us) for track in self.tracks):
+            covered = any(_covers(track, box, end_us) for track in self.tracks)
+            if self._recorder is not None:
+                self._recorder.take_blob(blob, "tracked" if covered else "examined")
+            if not covered:
                 trials += 1
                 self._examine(box, int(SPANS_US[self._blobs.span[blob]]), end_us)
 
@@ -248,24 +305,27 @@ class RefinedDetector:
         """Make a track of the blob in a box, if it can be a ball."""
         fit, config = self._work.fit, self.config
         if not start_from_place(self._recent, box, end_us, span_us, fit.estimate):
+            self._refuse(Attempt("blob", few_events=True))
             return
         _, _, vu, vv, r, *_ = fit.estimate.tolist()
-        if not 0.6 * config.radius_min_px <= r <= 1.5 * config.radius_max_px:
-            return
-        if math.hypot(vu, vv) > config.speed_max_px_per_ms:
+        low, high = START_RADIUS
+        if not low * config.radius_min_px <= r <= high * config.radius_max_px or (
+            math.hypot(vu, vv) > config.speed_max_px_per_ms
+        ):
+            self._refuse(Attempt("blob", start=MovingCircle(*fit.estimate.tolist())))
             return
         fit.estimate[5] = self._stretch_ms
         fit.prior[:] = fit.estimate
         fit.information[:5] = 1e-4
         fit.information[5] = self._stretch_spread_ms**-2
         fit.bend[:] = 0.0
-        found = self._fit(end_us, self._reach, 2.0, 3)
+        found = self._fit("blob", end_us, self._reach, 2.0, 3)
         if found is None:
             return
         ball, quality = found
         if any(track.end_us == end_us and _apart_px(track.ball, ball) < ball.r for track in self.tracks):
             return
-        self.tracks.append(BallTrack(end_us, ball, self._work.covariance.copy(), quality))
+        self.tracks.append(BallTrack(end_us, ball, self._work.covariance.copy(), quality, config=config))
 
     def _choose(self, end_us: int) -> BallTrack | None:
         """The confirmed track; else the best newly confirmed one, which alone continues."""

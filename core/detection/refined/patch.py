@@ -31,6 +31,8 @@ class Patch(NamedTuple):
     """Whether each pixel's first event was ON."""
     touched: NDArray[np.int32]
     """Flat indices of the pixels with events, in order of their first event."""
+    interior: NDArray[np.bool_]
+    """Whether each of these is well inside the disc; written by `edge_points`."""
 
 
 class MovingCircle(NamedTuple):
@@ -67,7 +69,8 @@ def blank_patch() -> Patch:
     """An empty patch."""
     side = SIDE + 2
     first, last, events = np.zeros((3, side, side), np.int32)
-    return Patch(first, last, events, np.zeros((side, side), np.bool_), np.zeros(side * side, np.int32))
+    brighter, interior = np.zeros((side, side), np.bool_), np.zeros(side * side, np.bool_)
+    return Patch(first, last, events, brighter, np.zeros(side * side, np.int32), interior)
 
 
 @njit
@@ -129,6 +132,7 @@ def edge_points(
     inner = 0.6 * ball.r
     for k in range(count):
         row, column = divmod(patch.touched[k], SIDE + 2)
+        patch.interior[k] = False
         if not _has_neighbours(first, row, column):
             continue
         x, y = float(column + origin[0]), float(row + origin[1])
@@ -146,6 +150,7 @@ def edge_points(
                 found += 1
             if distance < inner:
                 inside += int(patch.events[row, column])
+                patch.interior[k] = True
         if left <= -span.guard_ms and left >= -span.history_ms:
             ms = left - ball.stretch
             du = x - ball.u - (ball.vu + 0.5 * ball.au * ms) * ms

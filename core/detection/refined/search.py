@@ -101,6 +101,19 @@ def _survives(last_us, row, column, since_us):
 
 
 @njit
+def surviving_events(recent: Recent, end_us: int, span_us: int, maps: Maps) -> NDArray[np.bool_]:
+    """(N,) events whose pixels survive the opening over a time span that ends at `end_us`, for a trace of the search.
+
+    The search itself tests each pixel once, at the time of its event.
+    """
+    survives = np.zeros(len(recent.t_us), np.bool_)
+    since_us = end_us - span_us
+    for k in range(np.searchsorted(recent.t_us, since_us), len(recent.t_us)):
+        survives[k] = _survives(maps.last_us, recent.y_px[k] + 1, recent.x_px[k] + 1, since_us)
+    return survives
+
+
+@njit
 def find_blobs(maps: Maps, span: int, end_us: int, flood: int, largest_px: float, blobs: Blobs, found: int) -> int:
     """Add the blobs of one span that could be a ball to those found; how many there are then.
 

@@ -1,4 +1,4 @@
-"""Track of a possible ball: position, motion, and evidence."""
+"""Track of a possible ball: position, motion, evidence, and the limits that it must keep."""
 
 from __future__ import annotations
 
@@ -9,17 +9,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from core.detection.reasons import Limit, Reason, failed_limits
 from core.detection.refined.ball_fit import Quality
 from core.detection.refined.patch import MovingCircle
 from core.detection.refined_config import RefinedConfig
 
-MIN_STRETCH_MS: Final = -0.2
-MAX_STRETCH_MS: Final = 2.5
-MIN_FRESH: Final = 0.06
+USUAL: Final = RefinedConfig()
 REMEMBERED: Final = 0.92
 """Share of the evidence kept at the next fit, so that mediocre fits never confirm a ball."""
-GIVEN_UP: Final = -3.0
-CONFIRMED_GIVEN_UP: Final = -5.0
 FRESH: Final = 0.25
 """Weight of the newest fit in the running means."""
 FAST_PER_MS: Final = 0.12
@@ -30,15 +27,20 @@ FALL_PX_PER_MS2: Final = 0.006
 MIN_BEND_MS: Final = 2.0
 BEND_PX: Final = 3.5
 """Accelerations are averaged over the time in which the ball moves this far, with a minimum time."""
-BOTH_EDGES: Final = 0.55
-"""Smallest coverage of both edges; a moving limb often shows only one."""
-ALL_ROUND: Final = 0.5
-"""Smallest share of one polarity around the edge: brighter, or darker, than its background nearly all round."""
 STEADY_FITS: Final = 4
-STEADY_RADIUS: Final = 0.1
-"""Number of fits, and the share within which their radii must lie: a ball emerging from an occlusion grows."""
+"""Number of fits whose radii are compared."""
 SAME_RADIUS: Final = 0.2
 """Largest relative change of a confirmed ball's radius from fit to fit."""
+OTHER_POLARITY: Final = -0.3
+"""Smallest product of two contrasts' signs of a confirmed ball: its shadow has the other sign."""
+SAME_CONTRAST: Final = 0.5
+"""Smallest share of its mean contrast that a fit of a confirmed ball has."""
+OTHER_KIND: Final = 4
+"""Times as many fits are needed of a ball that is dark after a bright one, or bright after a dark one."""
+DARK_DOUBT: Final = 3.0
+"""Times the evidence is needed of something dark, since a ball's shadow is dark."""
+FAST_DOUBT: Final = 0.5
+"""Times the evidence is needed of something bright and fast."""
 
 
 @dataclass(slots=True)
@@ -64,6 +66,7 @@ class BallTrack:
     radii_px: tuple[float, ...] = ()
     bend: tuple[float, float] = (0.0, 0.0)
     """Acceleration u and v in px/ms^2, from the change of the fits' velocities."""
+    config: RefinedConfig = USUAL
 
     def __post_init__(self) -> None:
         self.initial, self.initial_us = self.ball, self.end_us
@@ -97,35 +100,54 @@ class BallTrack:
     @property
     def is_terminated(self) -> bool:
         """Whether the evidence against it is too strong."""
-        return self.evidence <= (CONFIRMED_GIVEN_UP if self.confirmed else GIVEN_UP)
+        return self.evidence <= (self.config.confirmed_given_up if self.confirmed else self.config.given_up)
 
     def fits_in(self, ball: MovingCircle, quality: Quality) -> bool:
         """Whether a fit is of the same ball: similar size, brightness and contrast."""
+        return all(limit.holds(value) for value, limit in self._same_ball(ball, quality))
+
+    def differs_in(self, ball: MovingCircle, quality: Quality) -> tuple[Reason, ...]:
+        """Why a fit is not of the same ball."""
+        return failed_limits(*zip(*self._same_ball(ball, quality), strict=True))
+
+    def _same_ball(self, ball: MovingCircle, quality: Quality) -> tuple[tuple[float, Limit], ...]:
+        most_px, least = SAME_RADIUS * self.ball.r, SAME_CONTRAST * self.contrast
         return (
-            abs(ball.r - self.ball.r) <= SAME_RADIUS * self.ball.r
-            and quality.brighter * self.brighter >= -0.3
-            and quality.contrast >= 0.5 * self.contrast
+            (abs(ball.r - self.ball.r), Limit("change of the ball's radius", None, -math.inf, most_px, "px")),
+            (quality.brighter * self.brighter, Limit("same polarity as before", None, OTHER_POLARITY, math.inf)),
+            (quality.contrast, Limit("events per edge pixel", None, least, math.inf)),
         )
 
     def is_confirmed_by(self, config: RefinedConfig, brighter: float) -> bool:
-        """Whether it has earned the name of a ball, where the last one was brighter (> 0) or darker than its ground.
+        """Whether it has earned the name of a ball, see `missing`."""
+        return all(limit.holds(value) for value, limit in self._requirements(config, brighter))
+
+    def missing(self, config: RefinedConfig, brighter: float) -> tuple[Reason, ...]:
+        """What it lacks to be a ball, where the last one was brighter (> 0) or darker than its ground.
 
         Something dark needs three times the evidence, since a ball's shadow is dark; something bright and fast half of
         it, since people are not; of another kind than the last, more fits.
         """
-        ball = self.ball
+        return failed_limits(*zip(*self._requirements(config, brighter), strict=True))
+
+    def _requirements(self, config: RefinedConfig, brighter: float) -> tuple[tuple[float, Limit], ...]:
+        """What makes a track a ball: each value with its limit."""
+        ball, inf = self.ball, math.inf
         moved_px = math.hypot(ball.u - self.initial.u, ball.v - self.initial.v)
         lived_ms = 1e-3 * (self.end_us - self.initial_us)
         pace_per_ms = min(moved_px / max(lived_ms, 1.0), math.hypot(ball.vu, ball.vv)) / ball.r  # first fits are rough
-        doubt = 3.0 if self.brighter <= 0.0 else 0.5 if pace_per_ms > FAST_PER_MS else 1.0
+        doubt = DARK_DOUBT if self.brighter <= 0.0 else FAST_DOUBT if pace_per_ms > FAST_PER_MS else 1.0
+        fits = config.confirm_fits * (1 if self.brighter * brighter >= 0.0 else OTHER_KIND)
+        evidence, steady_px = config.evidence_min * doubt, config.steady_radius * ball.r
+        spread_px = max(self.radii_px) - min(self.radii_px) if self.radii_px else 0.0
         return (
-            self.fits >= config.confirm_fits * (1 if self.brighter * brighter >= 0.0 else 4)
-            and self.evidence >= config.evidence_min * doubt
-            and self.coverage >= BOTH_EDGES
-            and abs(self.brighter) >= ALL_ROUND
-            and moved_px >= config.confirm_motion_px
-            and pace_per_ms >= config.pace_min_per_ms
-            and max(self.radii_px) - min(self.radii_px) <= STEADY_RADIUS * ball.r
+            (self.fits, Limit("consistent fits", "refined.confirm_fits", fits, inf)),
+            (self.evidence, Limit("evidence", "refined.evidence_min", evidence, inf)),
+            (self.coverage, Limit("coverage of the weaker edge", "refined.both_edges_min", config.both_edges_min, inf)),
+            (abs(self.brighter), Limit("one polarity all round", "refined.all_round_min", config.all_round_min, inf)),
+            (moved_px, Limit("motion so far", "refined.confirm_motion_px", config.confirm_motion_px, inf, "px")),
+            (pace_per_ms, Limit("pace", "refined.pace_min_per_ms", config.pace_min_per_ms, inf, "radii/ms")),
+            (spread_px, Limit("spread of the radii", "refined.steady_radius", -inf, steady_px, "px")),
         )
 
 
@@ -141,19 +163,42 @@ def evidence_of(quality: Quality) -> float:
     return min(max(1.2 - badness + virtue, -1.0), 1.0)
 
 
+def fit_limits(config: RefinedConfig) -> tuple[Limit, ...]:
+    """The limits of a single fit, for the values of `fit_values`."""
+    inf, one = math.inf, config
+    return (
+        Limit("edge latency", "refined.stretch_min_ms", one.stretch_min_ms, inf, "ms"),
+        Limit("edge latency", "refined.stretch_max_ms", -inf, one.stretch_max_ms, "ms"),
+        Limit("radius", "refined.radius_min_px", one.radius_min_px, inf, "px"),
+        Limit("radius", "refined.radius_max_px", -inf, one.radius_max_px, "px"),
+        Limit("speed", "refined.speed_min_px_per_ms", one.speed_min_px_per_ms, inf, "px/ms"),
+        Limit("speed", "refined.speed_max_px_per_ms", -inf, one.speed_max_px_per_ms, "px/ms"),
+        Limit("residual", "refined.residual_px", -inf, one.residual_px, "px"),
+        Limit("edge points", "refined.points_min", one.points_min, inf),
+        Limit("coverage", "refined.coverage_min", one.coverage_min, inf),
+        Limit("coverage of one edge", "refined.edge_coverage_min", one.edge_coverage_min, inf),
+        Limit("events inside", "refined.inside_max", -inf, one.inside_max),
+        Limit("fill", "refined.fill_min", one.fill_min, inf),
+        Limit("outliers", "refined.stray_max", -inf, one.stray_max),
+        Limit("fresh edge points", "refined.fresh_min", one.fresh_min, inf),
+    )
+
+
+def fit_values(ball: MovingCircle, quality: Quality) -> tuple[float, ...]:
+    """What is compared with `fit_limits`, in its order."""
+    lead, trail = quality.coverage_lead, quality.coverage_trail
+    speed = math.hypot(ball.vu, ball.vv)
+    return (
+        ball.stretch, ball.stretch, ball.r, ball.r, speed, speed, quality.residual_px, quality.points,
+        0.5 * (lead + trail), min(lead, trail), quality.inside, quality.fill, quality.stray, quality.fresh,
+    )  # fmt: skip
+
+
+def is_within(values: tuple[float, ...], limits: tuple[Limit, ...]) -> bool:
+    """Whether every value keeps its limit."""
+    return all(limit[2] <= value <= limit[3] for value, limit in zip(values, limits, strict=True))
+
+
 def passes(ball: MovingCircle, quality: Quality, config: RefinedConfig) -> bool:
     """Whether a single fit passes the limits of a ball."""
-    lead, trail = quality.coverage_lead, quality.coverage_trail
-    return (
-        MIN_STRETCH_MS <= ball.stretch <= MAX_STRETCH_MS
-        and config.radius_min_px <= ball.r <= config.radius_max_px
-        and config.speed_min_px_per_ms <= math.hypot(ball.vu, ball.vv) <= config.speed_max_px_per_ms
-        and quality.residual_px <= config.residual_px
-        and quality.points >= config.points_min
-        and 0.5 * (lead + trail) >= config.coverage_min
-        and min(lead, trail) >= 0.25
-        and quality.inside <= config.inside_max
-        and quality.fill >= config.fill_min
-        and quality.stray <= config.stray_max
-        and quality.fresh >= MIN_FRESH
-    )
+    return is_within(fit_values(ball, quality), fit_limits(config))

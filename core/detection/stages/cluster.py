@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.config import check_settings, setting
+from core.detection.reasons import Reason
 from core.errors import ConfigError
 from core.events import Events
 
@@ -55,10 +56,18 @@ def scaled_time(t_us: NDArray[np.int64], time_scale_px_per_ms: float) -> NDArray
     return (t_us - t_us[0]) * (time_scale_px_per_ms / 1000.0)
 
 
-def reject_size(size: int, config: ClusterConfig) -> str | None:
+def size_reason(size: int, config: ClusterConfig) -> Reason | None:
     """Why a cluster of this many events is rejected, or None."""
     if size < config.size_min:
-        return f"{size} events < {config.size_min}"
+        text = f"{size} events < {config.size_min}"
+        return Reason("events of the cluster", "cluster.size_min", size, config.size_min, told=text)
     if size > config.size_max:
-        return f"{size} events > {config.size_max}"
+        text = f"{size} events > {config.size_max}"
+        return Reason("events of the cluster", "cluster.size_max", size, config.size_max, told=text)
     return None
+
+
+def reject_size(size: int, config: ClusterConfig) -> str | None:
+    """Text of why a cluster of this many events is rejected, or None."""
+    reason = size_reason(size, config)
+    return reason and reason.text

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.config import check_settings, setting
+from core.detection.reasons import Reason
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,10 +53,19 @@ def measure_shape(xy_px: NDArray[np.int32]) -> Shape:
     return Shape(hull, 4.0 * np.pi * area / perimeter**2, pixels / area)
 
 
+def shape_reasons(shape: Shape, config: GeometryConfig) -> tuple[Reason, ...]:
+    """Why this shape is rejected; empty if it is not."""
+    measured = (
+        ("circularity", "geometry.circularity_min", shape.circularity, config.circularity_min),
+        ("solidity", "geometry.solidity_min", shape.solidity, config.solidity_min),
+    )
+    return tuple(
+        Reason(name, setting_name, value, least, told=f"{name} {value:.2f} < {least:.2f}")
+        for name, setting_name, value, least in measured
+        if value < least
+    )
+
+
 def reject_shape(shape: Shape, config: GeometryConfig) -> str | None:
-    """Why this shape is rejected, or None."""
-    if shape.circularity < config.circularity_min:
-        return f"circularity {shape.circularity:.2f} < {config.circularity_min:.2f}"
-    if shape.solidity < config.solidity_min:
-        return f"solidity {shape.solidity:.2f} < {config.solidity_min:.2f}"
-    return None
+    """Text of why this shape is rejected first, or None."""
+    return next((reason.text for reason in shape_reasons(shape, config)), None)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.config import check_settings, setting
+from core.detection.reasons import Reason
 from core.errors import ConfigError
 
 TOLERANCE_PX: Final = 1e-3
@@ -51,10 +52,17 @@ def enclosing_circle(xy_px: NDArray[np.float64]) -> Circle:
     return Circle(float(u), float(v), float(r))
 
 
-def reject_circle(circle: Circle, config: LocaliseConfig) -> str | None:
+def circle_reason(circle: Circle, config: LocaliseConfig) -> Reason | None:
     """Why this circle is rejected, or None."""
-    if circle.r_px < config.radius_min_px - TOLERANCE_PX:
-        return f"radius {circle.r_px:.1f} px < {config.radius_min_px:.1f}"
-    if circle.r_px > config.radius_max_px + TOLERANCE_PX:
-        return f"radius {circle.r_px:.1f} px > {config.radius_max_px:.1f}"
+    r, low, high = circle.r_px, config.radius_min_px, config.radius_max_px
+    if r < low - TOLERANCE_PX:
+        return Reason("radius", "localise.radius_min_px", r, low, "px", told=f"radius {r:.1f} px < {low:.1f}")
+    if r > high + TOLERANCE_PX:
+        return Reason("radius", "localise.radius_max_px", r, high, "px", told=f"radius {r:.1f} px > {high:.1f}")
     return None
+
+
+def reject_circle(circle: Circle, config: LocaliseConfig) -> str | None:
+    """Text of why this circle is rejected, or None."""
+    reason = circle_reason(circle, config)
+    return reason and reason.text

@@ -195,3 +195,44 @@ def test_a_mistake_is_one_line_and_exit_2(recording, tmp_path, capsys, arguments
 def test_a_folder_that_is_not_there_is_noticed_before_the_work(recording, tmp_path, capsys) -> None:
     assert detect(recording, tmp_path / "nowhere" / "det.csv", "--camera", "left") == 2
     assert "nowhere" in capsys.readouterr().err
+
+
+def test_why_there_is_no_ball_is_counted_by_reason_with_setting_value_and_limit(recording, tmp_path, capsys) -> None:
+    config = replace_setting(method_config("refined"), ("refined", "points_min"), 200)
+    save_config(config, tmp_path / "strict.toml")
+    arguments = ("--camera", "left", "--method", "refined", "--config", str(tmp_path / "strict.toml"))
+    assert detect(recording, tmp_path / "det.csv", *arguments, "--json") == 0
+    summary = json.loads(capsys.readouterr().out)
+    missed = summary["windows"] - summary["detections"]
+    assert missed > 300
+    assert all(set(one) == {"reason", "setting", "windows", "value", "limit"} for one in summary["why_not"])
+    windows = [one["windows"] for one in summary["why_not"]]
+    assert windows == sorted(windows, reverse=True) and max(windows) <= missed
+    (points,) = (one for one in summary["why_not"] if one["setting"] == "refined.points_min")
+    assert points["windows"] > 100 and 20 < points["value"] < points["limit"] == 200
+    assert detect(recording, tmp_path / "det.csv", *arguments) == 0
+    said = capsys.readouterr().out
+    assert f"no ball in {missed} windows" in said and "refined.points_min" in said
+
+
+@pytest.mark.parametrize("method", ["refined", "auto", "ebpp", "fe-fusion"])
+def test_one_window_is_explained_with_its_stages_candidates_and_answer(recording, capsys, method) -> None:
+    arguments = ["detect", str(recording), "--camera", "left", "--method", method, "--explain", "300000"]
+    assert main(arguments) == 0
+    said = capsys.readouterr().out
+    assert f"left, {method}: window" in said and "to 300000 us" in said
+    assert "verdict" in said and "ball at (" in said
+    assert main([*arguments, "--json"]) == 0
+    explained = json.loads(capsys.readouterr().out)
+    assert explained["why_not"] == [] and explained["candidates"][0]["verdict"]
+    assert f"ball at ({explained['detection']['u_px']:.2f}" in said
+
+
+def test_a_window_that_there_is_not_and_a_missing_table_are_said_in_one_line(recording, tmp_path, capsys) -> None:
+    here = ["detect", str(recording), "--camera", "left"]
+    assert main(here) == 2
+    assert "--out CSV, or --explain T_US" in capsys.readouterr().err
+    assert main([*here, "--explain", "99000000"]) == 2
+    assert "no window ends there; expected 1 to 400000, got 99000000" in capsys.readouterr().err
+    assert main([*here, "--explain", "5000", "--out", str(tmp_path / "a.csv")]) == 2
+    assert "--explain writes no file" in capsys.readouterr().err

@@ -7,19 +7,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.modes.tune.results_panel import candidates_html, cluster_at
+from app.modes.tune.results_panel import candidate_at, candidates_html
 from app.pictures.canvas import Canvas, Region
 from app.pictures.palette import PaletteIndex
 from app.state.client_state import Overlay, RenderSettings, TuneView
 from app.views.answer_cache import AnswerCache
-from app.views.requests import TuneRequest, render_answers, render_tune, window_before
-from app.views.stage_picture import draw_stages, rejected_up_to
+from app.views.requests import TuneRequest, render_tune, window_before
+from app.views.stage_picture import draw_stage
 from core.config import replace_setting
-from core.detection import DetectorConfig, PipelineTrace
+from core.detection import DetectorConfig
+from core.detection.method_trace import MethodTrace
+from core.detection.methods import VIEWS, method_config
 from core.recordings import CameraStream, open_recording
 
 BALL_US = 300_000
-ZOOMED = TuneView(zoom=8.0)
+ZOOMED = TuneView(zoom=8.0, method="auto")
 SEEN = DetectorConfig()
 TOO_LARGE = replace_setting(
     replace_setting(SEEN, ("localise", "radius_min_px"), 1.0), ("localise", "radius_max_px"), 2.0
@@ -52,49 +54,73 @@ def test_the_view_stays_where_the_ball_was_when_a_threshold_rejects_it(stream: C
 
 def test_the_view_of_a_method_without_stages_stays_too(stream: CameraStream) -> None:
     wanted = replace(request(stream, SEEN, (1000.0, 200.0)), view=replace(ZOOMED, method="refined"), t_us=1000)
-    sheet, (answer,) = render_answers(wanted)
+    sheet, (answer,) = render_tune(wanted)
     assert answer.detection is None  # after one millisecond nothing has been seen yet
     assert np.hypot(*np.subtract(middle(sheet.pictures[0].region), (1000, 200))) < 2
 
 
 @pytest.fixture(scope="module")
-def lost(stream: CameraStream) -> PipelineTrace:
-    return render_tune(request(stream, TOO_LARGE))[1][0]
+def lost(stream: CameraStream) -> MethodTrace:
+    trace = render_tune(request(stream, TOO_LARGE))[1][0].trace
+    assert trace is not None
+    return trace
 
 
 @pytest.mark.parametrize(
     ("overlay", "red"), [("raw", False), ("clusters", False), ("geometry", True), ("result", True)]
 )
 def test_a_rejected_ball_is_outlined_in_red_with_the_number_that_failed(
-    stream: CameraStream, lost: PipelineTrace, overlay: Overlay, red: bool
+    stream: CameraStream, lost: MethodTrace, overlay: Overlay, red: bool
 ) -> None:
-    (ball,) = (one for one in lost.candidates if one.rejected and "radius" in one.rejected and one.size > 100)
-    xs, ys = ball.events.x_px, ball.events.y_px
-    around = Region.around(float(xs.mean()), float(ys.mean()), stream.sensor, 16.0)
+    (ball,) = (one for one in lost.candidates if one.reasons and "radius" in one.reasons[0].text and one.order > 100)
+    around = Region.around(float(ball.x_px.mean()), float(ball.y_px.mean()), stream.sensor, 16.0)
     canvas = Canvas(around)
-    draw_stages(canvas, window_before(stream, BALL_US, SEEN.window.window_us), lost, overlay, "polarity")
-    assert (ball in rejected_up_to(lost, overlay)) == red
+    draw_stage(canvas, window_before(stream, BALL_US, SEEN.window.window_us), lost, overlay, "polarity")
+    named = f"{ball.label}: {ball.reasons[0].text}"
+    assert (named in [shape.text for shape in lost.view(overlay).shapes if shape.role == "rejected"]) == red
     assert (np.count_nonzero(canvas.image == PaletteIndex.HULL_REJECTED) > 200) == red
 
 
 def test_the_result_shows_nothing_rejected_beside_a_ball(stream: CameraStream) -> None:
-    (trace,) = render_tune(request(stream, SEEN))[1]
-    assert trace.detection is not None and any(one.rejected for one in trace.candidates)
-    assert rejected_up_to(trace, "result") == ()
-    assert rejected_up_to(trace, "geometry")
+    trace = render_tune(request(stream, SEEN))[1][0].trace
+    assert trace is not None and trace.detection is not None and any(one.reasons for one in trace.candidates)
+    assert not any(shape.role == "rejected" for shape in trace.view("result").shapes)
+    assert any(shape.role == "rejected" for shape in trace.view("geometry").shapes)
 
 
-def test_a_click_on_a_cluster_brings_its_row_to_the_top(lost: PipelineTrace) -> None:
-    smallest = min(lost.candidates, key=lambda one: one.size)
-    at_px = (float(smallest.events.x_px[0]) + 1.0, float(smallest.events.y_px[0]) - 1.0)
-    assert cluster_at(lost, at_px) == smallest.label
-    assert cluster_at(lost, (-100.0, -100.0)) is None and cluster_at(lost, None) is None
+def test_a_click_on_a_cluster_brings_its_row_to_the_top(lost: MethodTrace) -> None:
+    smallest = min(lost.candidates, key=lambda one: one.order)
+    at_px = (float(smallest.x_px[0]) + 1.0, float(smallest.y_px[0]) - 1.0)
+    assert candidate_at(lost, at_px) == smallest.label
+    assert candidate_at(lost, (-100.0, -100.0)) is None and candidate_at(lost, None) is None
     table = candidates_html("", lost, smallest.label)
     first = table.split("<tr")[2]
     cells = [cell.split(">")[1].split("<")[0] for cell in first.split("<td")]
-    assert cells[2:4] == [str(smallest.label), str(smallest.size)] and "background" in first
+    assert cells[2:4] == [str(smallest.label), f"{smallest.order:.0f}"] and "background" in first
     assert table.count("background") == 1
 
 
-def test_a_verdict_links_to_the_sliders_of_its_stage(lost: PipelineTrace) -> None:
-    assert "href='#stage-localise'" in candidates_html("", lost)
+def test_a_verdict_links_to_the_slider_of_its_limit(lost: MethodTrace) -> None:
+    assert "href='#setting-localise-radius-max-px'" in candidates_html("", lost)
+
+
+@pytest.mark.parametrize("method", ["refined", "ebpp", "fe-fusion"])
+def test_every_method_draws_each_of_its_stages(stream: CameraStream, method: str) -> None:
+    pictures = set()
+    for view in VIEWS[method]:
+        look = replace(ZOOMED, method=method, overlay=view)
+        wanted = replace(request(stream, method_config(method)), view=look)
+        sheet, (answer,) = render_tune(wanted)
+        assert answer.trace is not None and answer.trace.view(view).name == view
+        pictures.add(sheet.pictures[0].png)
+    assert len(pictures) >= len(VIEWS[method]) - 1, "a search that is not made shows what the one before does"
+
+
+def test_a_fit_of_the_default_method_has_a_link_for_each_failed_limit_and_its_residuals(stream: CameraStream) -> None:
+    config = replace_setting(method_config("refined"), ("refined", "points_min"), 200)
+    wanted = replace(request(stream, config), view=replace(ZOOMED, method="refined", overlay="fit"))
+    _, (answer,) = render_tune(wanted)
+    assert answer.detection is None and answer.trace is not None and answer.trace.reasons
+    table = candidates_html("", answer.trace)
+    assert "href='#setting-refined-points-min'" in table and "edge points" in table
+    assert "<svg" in table and table.count("<circle") > 20

@@ -1,13 +1,16 @@
 """What every detector promises, ours and the rivals'."""
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from core.config import replace_setting
-from core.detection import Detector, FastDetector, ReferenceDetector, auto_config, make_detector
-from core.detection.methods import METHODS
+from core.config import field_specs, replace_setting
+from core.detection import Detector, DetectorConfig, FastDetector, ReferenceDetector, auto_config, make_detector
+from core.detection.method_trace import explain_step
+from core.detection.methods import METHODS, VIEWS
+from core.detection.reasons import Reason, reasons_of
 from core.detection.yolo.detector import YoloDetector
 from core.events import Events, SensorSize, Window
 
@@ -98,3 +101,34 @@ def test_other_sensor_sizes_can_follow(make, make_scene, add_frames) -> None:
         assert found == [fresh.step(window) for window in windows], "nothing of the other sensor is left"
         for one in found:
             assert one is None or (0 <= one.u_px < sensor.width_px and 0 <= one.v_px < sensor.height_px)
+
+
+def test_a_traced_step_answers_the_same_and_shows_its_views(make, windows) -> None:
+    plain, traced = make(), make()
+    for window in windows:
+        trace = explain_step(traced, window)
+        assert trace.detection == plain.step(window)
+        assert trace.reasons == (() if trace.detection is not None else reasons_of(plain))
+        assert trace.views[0].name == "raw" and trace.views[-1].name == "result"
+        assert all(len(row.figures) == len(trace.titles) for row in trace.candidates)
+
+
+def test_it_says_why_there_is_no_ball_with_a_setting_that_exists_and_numbers(make, make_scene, add_frames) -> None:
+    detector, known = make(), {".".join(spec.path) for spec in field_specs(DetectorConfig)}
+    noise = add_frames(make_scene(noise_hz=20, duration_us=20_000).windows(), None)
+    missed = 0
+    for window in [*noise, Window(Events.empty(SENSOR), 20_000, 22_000)]:
+        if detector.step(window) is not None:
+            continue
+        missed += 1
+        reasons = reasons_of(detector)
+        assert reasons and all(isinstance(one, Reason) and one.reason and one.text for one in reasons)
+        assert all(one.setting is None or one.setting in known for one in reasons)
+        assert all(number is None or math.isfinite(number) for one in reasons for number in (one.value, one.limit))
+    assert missed
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_views_of_a_method_are_those_that_it_is_registered_with(method, make_scene) -> None:
+    trace = explain_step(make_detector(method, SENSOR), make_scene(noise_hz=20, duration_us=2000).windows()[0])
+    assert tuple(view.name for view in trace.views) == VIEWS[method]

@@ -1,0 +1,109 @@
+"""Why a method finds no ball in a whole recording, and which other method does: from a sample, in the background."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import Final
+
+from app.background.jobs import LatestWins
+from app.formatting import html_text, percent
+from app.modes.tune.results_panel import reasons_html
+from core.detection import DetectorConfig
+from core.detection.methods import Method
+from core.metrics.sample import MethodSample, best_other, sample_method
+from core.recordings import CameraStream
+
+REST_S: Final = 1.5
+"""A config is sampled when it has not changed for so long: not at each step of a slider."""
+KEPT: Final = 32
+SAME: Final[Mapping[Method, Method]] = {"paper": "auto"}
+"""Methods that are not tried, as another one differs in one setting only."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SampleRequest:
+    """A method of a camera to sample, and the configs of all methods."""
+
+    key: Hashable
+    stream: CameraStream
+    method: Method
+    configs: Mapping[Method, DetectorConfig]
+
+
+@dataclass(frozen=True, slots=True)
+class SampleAnswer:
+    """The sample of the method, and of the best other one if this one finds nothing."""
+
+    sample: MethodSample
+    other: MethodSample | None
+
+
+class NothingFound:
+    """Samples a recording once its current window has no ball, and says why nothing is found in any."""
+
+    def __init__(
+        self, pool: Executor, later: Callable[[Callable[[], None]], None], failed: Callable[[Exception], None],
+        show: Callable[[str], None],
+    ) -> None:  # fmt: skip
+        self._later, self._show = later, show
+        self._known: OrderedDict[Hashable, SampleAnswer] = OrderedDict()
+        self._wanted: SampleRequest | None = None
+        self._asked: Hashable = None
+        self._since_s = 0.0
+        self._work = LatestWins(pool, answer_sample, self._done, failed)
+
+    def want(self, request: SampleRequest | None, wall_s: float) -> None:
+        """Want the sample of a config whose window has no ball; None: it has one, or there is nothing to sample."""
+        if (request and request.key) == (self._wanted and self._wanted.key):
+            return
+        self._wanted, self._since_s = request, wall_s
+        self._refresh()
+
+    def tick(self, wall_s: float) -> None:
+        """Start the sample once the config has rested."""
+        wanted = self._wanted
+        if wanted is None or wanted.key in self._known or wanted.key == self._asked or wall_s - self._since_s < REST_S:
+            return
+        self._asked = wanted.key
+        self._work.submit(wanted)
+
+    def close(self) -> None:
+        """The browser has disconnected."""
+        self._work.close()
+
+    def _done(self, request: SampleRequest, answer: SampleAnswer) -> None:
+        self._later(lambda: self._keep(request, answer))
+
+    def _keep(self, request: SampleRequest, answer: SampleAnswer) -> None:
+        self._known[request.key] = answer
+        while len(self._known) > KEPT:
+            self._known.popitem(last=False)
+        self._refresh()
+
+    def _refresh(self) -> None:
+        answer = None if self._wanted is None else self._known.get(self._wanted.key)
+        self._show("" if answer is None else nothing_found_html(answer))
+
+
+def answer_sample(request: SampleRequest) -> SampleAnswer:
+    """Sample the method, and the others if it finds nothing."""
+    sample = sample_method(request.stream, request.method, request.configs[request.method])
+    others = {name: config for name, config in request.configs.items() if name not in SAME}
+    return SampleAnswer(sample, None if sample.found else best_other(request.stream, request.method, others))
+
+
+def nothing_found_html(answer: SampleAnswer) -> str:
+    """Why nothing is found, with a link to the slider, and which other method finds a ball; empty if one is found."""
+    sample, other = answer.sample, answer.other
+    if sample.found or not sample.windows:
+        return ""
+    text = f"<b>{html_text(sample.method)} finds no ball in a sample of {sample.windows} windows of this recording.</b>"
+    if sample.reasons:
+        first = sample.reasons[0]
+        text += f" Most often, in {percent(first.windows / sample.windows)}: {reasons_html((first,))}."
+    if other is not None:
+        text += f" <b>{html_text(other.method)}</b> finds one in {percent(other.share)}."
+    return f"<div style='font-size:12.5px;padding:2px 12px'>{text}</div>"
