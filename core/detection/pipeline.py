@@ -192,7 +192,7 @@ def _examine(
 
 def _no_edge(leading_on: bool) -> Reason:
     text = f"no {'ON' if leading_on else 'OFF'} events"
-    return Reason("events of the leading polarity", "polarity.leading_polarity", 0, 1, told=text)
+    return Reason("events of the leading polarity", "polarity.leading_polarity", 0, 1, sentence=text)
 
 
 def _choose(balls: Sequence[Candidate], centre_px: tuple[float, float] | None) -> Candidate | None:

@@ -25,14 +25,14 @@ class Reason:
     limit: float | None = None
     """The limit that the value is beyond."""
     unit: str = ""
-    told: str = ""
+    sentence: str = ""
     """The reason as a text, where it is not made from the fields above."""
 
     @property
     def text(self) -> str:
         """For a table: "residual 0.91 px > 0.55"."""
-        if self.told:
-            return self.told
+        if self.sentence:
+            return self.sentence
         if self.value is None:
             return self.reason
         text = f"{self.reason} {number_text(self.value)}{self.unit and ' ' + self.unit}"
@@ -41,7 +41,7 @@ class Reason:
         return f"{text} {'<' if self.value < self.limit else '>'} {number_text(self.limit)}"
 
 
-NOT_SAID: Final = Reason("the method gives no reasons")
+NO_REASON: Final = Reason("the method gives no reasons")
 
 
 class Limit(NamedTuple):
@@ -72,10 +72,10 @@ def failed_limits(values: Sequence[float], limits: Sequence[Limit]) -> tuple[Rea
 def reasons_of(detector: object) -> tuple[Reason, ...]:
     """Why the detector's last window had no ball.
 
-    A detector may offer `why_not()`, see `Detector`; one that does not, or gives no reason, has `NOT_SAID`.
+    A detector may offer `why_not()`, see `Detector`; one that does not, or gives no reason, has `NO_REASON`.
     """
     offered: Callable[[], Iterable[Reason]] | None = getattr(detector, "why_not", None)
-    return (tuple(offered()) if callable(offered) else ()) or (NOT_SAID,)
+    return (tuple(offered()) if callable(offered) else ()) or (NO_REASON,)
 
 
 @dataclass(frozen=True, slots=True)

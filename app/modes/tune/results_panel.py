@@ -224,12 +224,11 @@ def candidates_html(name: str, trace: MethodTrace, picked: int | None = None, *,
     plural = "es" if trace.noun.endswith("x") else "s"
     count = f"{len(ordered)} {trace.noun}" if len(ordered) == 1 else f"{len(ordered)} {trace.noun}{plural}"
     why = f": {reasons_html(trace.reasons)}" if trace.reasons and not ordered else ""
-    said = " &middot; ".join([f"{label}{verdict}{why}", *facts, trace.where, count])
+    summary = " &middot; ".join([f"{label}{verdict}{why}", *facts, trace.where, count])
     shown = next((one for one in ordered if one.residuals is not None), None)
     plot = residuals_html(trace.noun, shown.label, shown.residuals) if shown is not None and shown.residuals else ""
-    return (
-        f"<div style='{TIGHT}'>{said}<table style='width:100%;border-spacing:0'>{head}{rows}</table>{more}{plot}</div>"
-    )
+    table = f"<table style='width:100%;border-spacing:0'>{head}{rows}</table>"
+    return f"<div style='{TIGHT}'>{summary}{table}{more}{plot}</div>"
 
 
 def reasons_html(reasons: Sequence[Reason | ReasonCount]) -> str:

@@ -47,7 +47,7 @@ class Attempt(NamedTuple):
                     None,
                     None,
                     FEWEST_EVENTS,
-                    told=f"fewer than {FEWEST_EVENTS} events, or all at one time",
+                    sentence=f"fewer than {FEWEST_EVENTS} events, or all at one time",
                 ),
             )
         if self.start is not None:

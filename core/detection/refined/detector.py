@@ -18,8 +18,8 @@ from core.detection.refined.ball_fit import Quality, Reach, blank_work, fit_ball
 from core.detection.refined.circle_fit import UNKNOWNS
 from core.detection.refined.history import EventHistory
 from core.detection.refined.patch import MovingCircle
+from core.detection.refined.refined_trace import RefinedTrace, TraceRecorder
 from core.detection.refined.search import LONG_AGO_US, SPANS_US, blank_blobs, blank_maps, find_blobs, take_events
-from core.detection.refined.trace import RefinedTrace, TraceRecorder
 from core.detection.refined.track import BallTrack, fit_limits, fit_values, is_within
 from core.detection.refined.view import view_of
 from core.detection.refined_config import RefinedConfig

@@ -60,10 +60,10 @@ def size_reason(size: int, config: ClusterConfig) -> Reason | None:
     """Why a cluster of this many events is rejected, or None."""
     if size < config.size_min:
         text = f"{size} events < {config.size_min}"
-        return Reason("events of the cluster", "cluster.size_min", size, config.size_min, told=text)
+        return Reason("events of the cluster", "cluster.size_min", size, config.size_min, sentence=text)
     if size > config.size_max:
         text = f"{size} events > {config.size_max}"
-        return Reason("events of the cluster", "cluster.size_max", size, config.size_max, told=text)
+        return Reason("events of the cluster", "cluster.size_max", size, config.size_max, sentence=text)
     return None
 
 

@@ -60,7 +60,7 @@ def shape_reasons(shape: Shape, config: GeometryConfig) -> tuple[Reason, ...]:
         ("solidity", "geometry.solidity_min", shape.solidity, config.solidity_min),
     )
     return tuple(
-        Reason(name, setting_name, value, least, told=f"{name} {value:.2f} < {least:.2f}")
+        Reason(name, setting_name, value, least, sentence=f"{name} {value:.2f} < {least:.2f}")
         for name, setting_name, value, least in measured
         if value < least
     )

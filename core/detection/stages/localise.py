@@ -56,9 +56,9 @@ def circle_reason(circle: Circle, config: LocaliseConfig) -> Reason | None:
     """Why this circle is rejected, or None."""
     r, low, high = circle.r_px, config.radius_min_px, config.radius_max_px
     if r < low - TOLERANCE_PX:
-        return Reason("radius", "localise.radius_min_px", r, low, "px", told=f"radius {r:.1f} px < {low:.1f}")
+        return Reason("radius", "localise.radius_min_px", r, low, "px", sentence=f"radius {r:.1f} px < {low:.1f}")
     if r > high + TOLERANCE_PX:
-        return Reason("radius", "localise.radius_max_px", r, high, "px", told=f"radius {r:.1f} px > {high:.1f}")
+        return Reason("radius", "localise.radius_max_px", r, high, "px", sentence=f"radius {r:.1f} px > {high:.1f}")
     return None
 
 

@@ -2,7 +2,7 @@
 
 import math
 
-from core.detection.reasons import NOT_SAID, Limit, Reason, ReasonCounter, failed_limits, reasons_of
+from core.detection.reasons import NO_REASON, Limit, Reason, ReasonCounter, failed_limits, reasons_of
 
 
 def test_a_reason_reads_as_value_and_limit() -> None:
@@ -38,4 +38,4 @@ def test_a_detector_without_reasons_says_that_it_gives_none() -> None:
         def why_not(self) -> tuple[Reason, ...]:
             return ()
 
-    assert reasons_of(Silent()) == reasons_of(Empty()) == (NOT_SAID,)
+    assert reasons_of(Silent()) == reasons_of(Empty()) == (NO_REASON,)
