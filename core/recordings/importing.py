@@ -282,6 +282,10 @@ def _open_feeds(
 ) -> list[_Feed]:
     if not paths:
         raise RecordingError("no sources", expected="an event file or more")
+    for place, path in enumerate(paths):
+        if any(path.exists() and other.exists() and path.samefile(other) for other in paths[:place]):
+            remedy = "each camera has its own file"
+            raise RecordingError("the same file is given twice", where=path, remedy=remedy)
     far = [one for one in ([offset_us] if isinstance(offset_us, int) else offset_us) if abs(one) > _FARTHEST_US]
     if far:
         raise RecordingError("no such offset", expected=f"at most {_FARTHEST_US} us", got=far[0], where="--offset-us")
