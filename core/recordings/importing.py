@@ -24,7 +24,7 @@ from core.recordings.import_facts import EventCounts, ImportFacts, SourceFacts, 
 from core.recordings.recording import Triggers
 from core.recordings.sources import EventSource, open_sources
 from core.recordings.sources.folders import camera_names
-from core.recordings.sources.pipes import pipes_read_once
+from core.recordings.sources.piped_sources import pipes_read_once
 from core.recordings.sources.source import DecodeReport, PictureTrack, Stated, Whence
 from core.recordings.truth import BallTruth
 from core.recordings.writer import RecordingWriter

@@ -104,7 +104,7 @@ def test_a_pipe_is_a_source_like_a_file(tmp_path: Path) -> None:
 
 
 def test_the_wait_for_a_pipe_that_nobody_writes_to_is_told_and_cancelled(tmp_path: Path, caplog, monkeypatch) -> None:
-    monkeypatch.setattr("core.recordings.sources.pipes._QUIET_S", 0.05)
+    monkeypatch.setattr("core.recordings.sources.piped_sources._QUIET_S", 0.05)
     os.mkfifo(tmp_path / "pipe")
     looks = iter(range(5))
     assert import_recording([tmp_path / "pipe"], tmp_path / "o.h5", cancelled=lambda: next(looks, None) is None) is None
