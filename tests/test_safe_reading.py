@@ -13,8 +13,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from core.cameras import load_calibration
+from core.cameras.opencv_yaml import OpenCVLoader
 from core.config import load_config
 from core.data_sets.card import read_manifest
 from core.detection import DetectorConfig
@@ -25,6 +27,7 @@ from core.learning.config import RunConfig
 from core.physics.ball_states import read_ball_states
 from core.recordings import open_recording
 from core.text import parse_json
+from core.yaml_loader import UntaggedLoader
 from labels.formats.xml_nodes import XmlError, parse_xml
 from labels.records import unpack_line
 from tests.sources import ROOT, SOURCES, name_of, tree_of
@@ -62,7 +65,8 @@ def test_nothing_is_unpickled_or_run() -> None:
         assert words.get("allow_pickle", "False") == "False", line
         assert words.get("shell", "False") == "False", line
         if name == "yaml.load":
-            assert words.get("Loader") == "OpenCVLoader", line  # a SafeLoader
+            assert words.get("Loader") in ("OpenCVLoader", "UntaggedLoader"), line
+    assert issubclass(OpenCVLoader, yaml.SafeLoader) and issubclass(UntaggedLoader, yaml.SafeLoader)
 
 
 def test_the_loader_of_calibrations_makes_plain_values_only(tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ class Parser(argparse.ArgumentParser):
 
     _mixing = False
 
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:  # pyright: ignore[reportIncompatibleMethodOverride] - overloads
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:  # pyright: ignore[reportIncompatibleMethodOverride]
         # The parser of a verb is called by that of the program, which knows no intermixed arguments; these are read
         # by two calls of this method. What follows "--" may begin with a dash, which the second call would not know.
         if self._mixing or self._subparsers is not None or args is None or "--" in args:

@@ -60,7 +60,7 @@ class LabelImportArguments:
     ball_class: str | None = flag("the class that is the ball, where it has another name or no list", "NAME|N", "ball")
     scale_pictures: bool = flag("scale labels if all pictures have one size, another than the sensor's")
     picture_size: PictureSize | None = flag(
-        "size of the pictures, where the files do not state it (tracknet, track)", "WxH"
+        "size of the pictures, where the files do not state it (tracknet, a track as csv)", "WxH"
     )
     empty_pictures: Literal["no-ball", "unchecked"] = flag(
         "listed pictures without any annotation: somebody saw no ball, or nobody looked", default="unchecked"

@@ -24,7 +24,7 @@ from core.recordings.import_facts import EventCounts, ImportFacts, SourceFacts, 
 from core.recordings.recording import Triggers
 from core.recordings.sources import EventSource, open_sources
 from core.recordings.sources.folders import camera_names
-from core.recordings.sources.piped_source import pipes_read_once
+from core.recordings.sources.piped_sources import pipes_read_once
 from core.recordings.sources.source import DecodeReport, PictureTrack, Stated, Whence
 from core.recordings.truth import BallTruth
 from core.recordings.writer import RecordingWriter
@@ -282,6 +282,10 @@ def _open_feeds(
 ) -> list[_Feed]:
     if not paths:
         raise RecordingError("no sources", expected="an event file or more")
+    for place, path in enumerate(paths):
+        if any(path.exists() and other.exists() and path.samefile(other) for other in paths[:place]):
+            remedy = "each camera has its own file"
+            raise RecordingError("the same file is given twice", where=path, remedy=remedy)
     far = [one for one in ([offset_us] if isinstance(offset_us, int) else offset_us) if abs(one) > _FARTHEST_US]
     if far:
         raise RecordingError("no such offset", expected=f"at most {_FARTHEST_US} us", got=far[0], where="--offset-us")

@@ -17,7 +17,7 @@ from core.recordings.importing import import_recording
 from core.recordings.log.assemble import assemble
 from core.recordings.log.growing import is_growing
 from core.recordings.reader import FileRecording
-from core.recordings.sources.piped_source import is_pipe
+from core.recordings.sources.piped_sources import is_pipe
 
 
 def open_recording(

@@ -37,7 +37,13 @@ register_label_format(
     "Label Studio JSON or JSON-MIN",
     pictures=True,
 )
-register_label_format("csv", write_csv, read_csv, "CSV, nothing is lost", "plain CSV with every field")
+register_label_format(
+    "csv",
+    write_csv,
+    read_csv,
+    "CSV, nothing is lost",
+    "plain CSV with every field; read is a 2D track (t_us, dt_us or frame, x, y) too",
+)
 register_label_format("hdf5", write_hdf5, read_hdf5, "", "the group /labels/<camera> of a recording")
 register_label_format("sony", write_sony, read_sony, "", "Sony's rallies: HDF5 with a label each millisecond")
 FORMATS.mark_built_in()

@@ -159,7 +159,7 @@ def _content_of(file: Path, collector: Collector) -> _Content:
             lines.pop()
         return _Content(dict(enumerate(lines[:MAX_CLASSES])))
     try:
-        content = parse_json(text) if file.name.lower() == NOTES else yaml.load(text, UntaggedLoader)
+        content = parse_json(text) if file.name.lower() == NOTES else yaml.load(text, Loader=UntaggedLoader)
     except (yaml.YAMLError, ValueError, RecursionError, LookupError, AttributeError, TypeError, LabelError) as error:
         collector.reject(file, 1, f"not {'JSON' if file.name.lower() == NOTES else 'YAML'}: {error}")
         return _Content({})

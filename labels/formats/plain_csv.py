@@ -21,6 +21,7 @@ from labels.formats.exchange import (
     write_text,
 )
 from labels.formats.flat import COLUMNS, REQUIRED, flat_row, label_of_row
+from labels.formats.track import read_track, track_columns
 
 
 def write_csv(labels: LabelSet, folder: Path, options: ExportOptions) -> Exported:
@@ -35,7 +36,10 @@ def write_csv(labels: LabelSet, folder: Path, options: ExportOptions) -> Exporte
 
 
 def read_csv(path: Path, context: ImportContext) -> Imported:
-    """Every CSV file of a folder, or one. Columns are found by their names; unknown ones are refused."""
+    """Every CSV file of a folder, or one. Columns are found by their names; unknown ones are refused.
+
+    A table without states is a 2D track of another tool if it has the columns of one.
+    """
     collector = Collector()
     for file in files_at(path, ".csv", collector):
         text = read_text(file, collector)
@@ -48,6 +52,9 @@ def _read_file(text: str, file: Path, context: ImportContext, collector: Collect
     rows = table_rows(text, file, collector)
     _, names = next(rows, (1, []))
     header = [name.strip() for name in names]
+    if "state" not in header and (columns := track_columns([name.lower() for name in header])) is not None:
+        read_track(list(rows), columns, file, context, collector)
+        return
     unknown, missing = [name for name in header if name not in COLUMNS], set(REQUIRED) - set(header)
     if unknown or missing or len(set(header)) != len(header):
         found = ", ".join(header)[:200]

@@ -455,3 +455,24 @@ def test_the_size_of_tracknet_s_pictures_is_stated(tmp_path: Path) -> None:
 def test_a_yaml_with_tags_still_names_the_classes(tmp_path: Path) -> None:
     files = {"frame_000001.txt": f"1 {BALL}", "data.yaml": "!Set\nnames: !!python/tuple [racket, ball]\n"}
     assert import_files(tmp_path, "yolo", files).rows == [pytest.approx(AT)]
+
+
+@pytest.mark.parametrize(
+    ("text", "flags", "rows"),
+    [
+        ("t_us,x,y\n10000,639.5,179.5\n20000,,\n", (), [AT]),
+        ("t,x,y\n0.01,639.5,179.5\n0.02,1,2\n", (), [AT, (20_000, "visible", 1, 2)]),
+        ("Time [ms];x;y\n10;639,5;179,5\n", (), [AT]),
+        ("dt_us,x,y\n4000,1,2\n6000,639.5,179.5\n", (), [(4_000, "visible", 1, 2), AT]),
+        ("frame,x,y,r\n1,639.5,179.5,7\n", (), [AT]),
+        ("t_us,x,y\n10000,319.5,89.5\n", ("--picture-size", "640x360"), [AT]),
+        ("t_us,x,y\n10000,5000,89.5\n", (), []),
+        ("t_us,t_s,x,y\n10000,0.01,5,5\n", (), []),
+    ],
+)
+def test_a_track_of_another_tool_becomes_labels(
+    text: str, flags: tuple[str, ...], rows: list[Row], tmp_path: Path
+) -> None:
+    made = import_files(tmp_path, "csv", {"a.csv": text}, *flags)
+    assert made.code == (0 if rows else 2)
+    assert made.rows == [pytest.approx(row) for row in rows]

@@ -104,7 +104,7 @@ def test_a_pipe_is_a_source_like_a_file(tmp_path: Path) -> None:
 
 
 def test_the_wait_for_a_pipe_that_nobody_writes_to_is_told_and_cancelled(tmp_path: Path, caplog, monkeypatch) -> None:
-    monkeypatch.setattr("core.recordings.sources.piped_source._QUIET_S", 0.05)
+    monkeypatch.setattr("core.recordings.sources.piped_sources._QUIET_S", 0.05)
     os.mkfifo(tmp_path / "pipe")
     looks = iter(range(5))
     assert import_recording([tmp_path / "pipe"], tmp_path / "o.h5", cancelled=lambda: next(looks, None) is None) is None
@@ -128,3 +128,9 @@ def test_options_stand_anywhere_between_the_files(place: int, table: Path, tmp_p
 def test_the_names_of_options_that_nobody_knows_are_still_refused(table: Path, tmp_path: Path, capsys) -> None:
     assert main(["import", str(table), "--wide", "640", str(tmp_path / "o.h5")]) == 2
     assert "--wide" in capsys.readouterr().err
+
+
+def test_one_file_for_two_cameras_is_refused(table: Path, tmp_path: Path, capsys) -> None:
+    (tmp_path / "b.csv").symlink_to(table)
+    assert main(["import", str(table), str(tmp_path / "b.csv"), str(tmp_path / "o.h5")]) == 2
+    assert "the same file is given twice" in capsys.readouterr().err

@@ -141,9 +141,20 @@ def _from_array(array: NDArray, path: Path, stated: SensorSize | None) -> _Loade
         array = array.T
     if array.ndim != 2 or array.shape[1] != 4:
         raise RecordingError("not an array of events", expected="(N, 4) or records", got=array.shape, where=path)
-    order = guess_columns(array[:10_000], where=str(path))
-    rows = _columns({column: array[:, place] for column, place in order.places.items()}, None, stated)
+    columns = list(array.T)
+    if array.dtype.kind in "SU":  # text, as of polarities that are words
+        columns = [_numbers_or_words(column) for column in columns]
+    sample = [one if one.dtype.kind not in "SU" else np.unique(one, return_inverse=True)[1] for one in columns]
+    order = guess_columns(np.stack([one[:10_000] for one in sample], axis=1), where=str(path))
+    rows = _columns({column: columns[place] for column, place in order.places.items()}, None, stated)
     return rows._replace(assumed=(order.note(path.name),))
+
+
+def _numbers_or_words(column: NDArray) -> NDArray:
+    try:
+        return column.astype(np.float64)
+    except ValueError:
+        return column
 
 
 def _columns(arrays: dict[str, NDArray], unit: str | None, stated: SensorSize | None) -> _Loaded:

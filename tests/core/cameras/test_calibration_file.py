@@ -178,7 +178,7 @@ BAD = {
     "unbalanced": ("a: [1, 2", "neither"),
     "nul": ("\x00\x01", "neither"),
     "other yaml": ("a: 1\n", "image_width"),
-    "code": ('!!python/object/apply:os.system ["touch hacked"]', "not a table of named values"),
+    "code": ('!!python/object/apply:os.system ["touch hacked"]', "neither"),
     "wrong version": (TOML.replace("1", "2"), "version 2"),
     "no cameras": (TOML, "cameras"),
     "no camera at all": (TOML + "[cameras]\n", "no camera"),

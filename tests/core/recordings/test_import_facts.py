@@ -22,6 +22,7 @@ from tests.core.recordings.sources import test_evt4 as evt4
 from tests.core.recordings.sources.ros.bag_writing import BagMaker, evt3_words
 from tests.core.recordings.sources.test_hdf5_data_sets import P, T, X, Y, write_m3ed, write_v2e
 from tests.labels.formats.test_sony import YAML, write_rally
+from tests.strangers.event_files import aedat3, draw_rows, mat5
 
 VGA = SensorSize(640, 480)
 
@@ -89,6 +90,8 @@ BUILDERS: dict[str, Callable[[Path], object]] = {
     },
     "evt4": write_evt4,
     "aedat2": write_aedat2,
+    "aedat3": lambda path: path.write_bytes(aedat3(draw_rows(346, 260))),
+    "matlab": lambda path: mat5(path, TD=draw_rows(346, 260)._asdict()),
     "n-mnist.bin": write_nmnist,
     "n-imagenet": write_n_imagenet,
     "evimo": write_evimo,
@@ -108,6 +111,7 @@ ASSUMED = {
     "raw_events": ["sensor size", "unit"], "text": ["sensor size", "columns", "unit"],
     "npy rows": ["sensor size", "columns", "unit"],
     "v2e": ["sensor size", "taken for t, x, y, p", "the unit of its times"],
+    "aedat3": [], "matlab": ["sensor size", "unit"],
     "aedat2": ["bit 0"], "bag of packets": ["one clock"],
 }  # fmt: skip
 

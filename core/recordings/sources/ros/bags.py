@@ -6,12 +6,13 @@ rosbags reads the bags of ROS, mcap the MCAP files: also those that no ROS wrote
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 
 from core.errors import RecordingError
+from core.recordings.sources.ros.cut_bags import is_cut_db3, scan_db3, scan_ros1
 
 if TYPE_CHECKING:
     from rosbags.rosbag1 import Reader as Reader1
@@ -120,6 +121,9 @@ def _named_db3(path: Path, stack: ExitStack) -> Path:
 
 
 def _open_rosbags(path: Path, kind: str) -> Bag:
+    # SQLite may open a file that was cut, and stop at its index of times, which lies at the end.
+    if kind == "ROS 2" and path.is_file() and is_cut_db3(path) and (cut := _open_cut_bag(path, kind)) is not None:
+        return cut
     with ExitStack() as stack:
         try:
             connections = _rosbags_reader(path, kind, stack).connections
@@ -129,6 +133,8 @@ def _open_rosbags(path: Path, kind: str) -> Bag:
                 definition = one.msgdef.data if one.msgdef.format.name == "MSG" else ""
                 topics[one.topic] = Topic(one.topic, one.msgtype, definition, kind == "ROS 1", before + one.msgcount)
         except Exception as error:
+            if path.is_file() and (cut := _open_cut_bag(path, kind)) is not None:
+                return cut
             raise RecordingError(f"the {kind} bag cannot be read", got=_said(error), where=path) from error
 
     def read(bag: Bag, topic: str) -> Iterator[tuple[int, bytes]]:
@@ -144,6 +150,39 @@ def _open_rosbags(path: Path, kind: str) -> Bag:
                 bag.notes.append(f"{path.name}, {topic}: stopped: the rest of the bag cannot be read ({_said(error)}).")
 
     return Bag(path, topics, read)
+
+
+def _open_cut_bag(path: Path, kind: str) -> Bag | None:
+    """A bag without its end, as far as it is whole; None if not even a topic is."""
+    scan = scan_ros1 if kind == "ROS 1" else scan_db3
+    topics: dict[str, Topic] = {}
+    with suppress(Exception):  # whatever a torn record or page looks like
+        for one in scan(path):
+            count = topics[one.topic].count if one.topic in topics else 0
+            topics[one.topic] = Topic(
+                one.topic, one.type, one.definition, kind == "ROS 1", count + (one.data is not None)
+            )
+    if not topics:
+        return None
+
+    def read(bag: Bag, topic: str) -> Iterator[tuple[int, bytes]]:
+        try:
+            for one in scan(path):
+                if one.topic == topic and one.data is not None:
+                    yield one.time_ns, one.data
+        except GeneratorExit:
+            raise
+        except Exception:  # noqa: BLE001
+            pass
+        _note_cut(bag)
+
+    return Bag(path, topics, read)
+
+
+def _note_cut(bag: Bag) -> None:
+    note = f"{bag.path.name}: the file was cut short; what is whole was read."
+    if note not in bag.notes:
+        bag.notes.append(note)
 
 
 def _open_mcap(path: Path) -> Bag:
@@ -201,9 +240,7 @@ def _open_cut_mcap(path: Path) -> Bag:
             raise
         except Exception:  # noqa: BLE001 (whatever a torn record looks like to the library)
             pass
-        note = f"{path.name}: the file was cut short; what is whole was read."
-        if note not in bag.notes:
-            bag.notes.append(note)
+        _note_cut(bag)
 
     try:
         for _ in scan(None):

@@ -269,6 +269,23 @@ def test_an_mcap_file_of_ros_1_messages_and_one_that_was_cut_short(tmp_path):
     assert notes == ["a.mcap: the file was cut short; what is whole was read."]
 
 
+@pytest.mark.parametrize("kind", ["ros1", "ros2"])
+@pytest.mark.parametrize("share", [0.6, 0.8, 0.98])
+def test_a_bag_without_its_index_keeps_what_is_whole(tmp_path, kind, share):
+    path = bag_at(tmp_path, kind)
+    rows = [(T0 + 1000 * number, number % 346, 7, True) for number in range(400)]
+    with BagMaker(path, kind) as bag:
+        for row in rows:
+            bag.add_events("/dvs/events", [row])
+    file = path if kind == "ros1" else next(path.glob("*.db3"))
+    data = file.read_bytes()
+    file.write_bytes(data[: int(share * len(data))])
+    kept, notes = rows_of(open_sources(file)[0])
+    assert 20 < len(kept) <= len(rows)
+    assert kept == [row for row in rows if row in kept]  # the page in which SQLite's file was cut has no rows
+    assert notes == [f"{file.name}: the file was cut short; what is whole was read."]
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_damaged_bags_give_their_good_part_or_one_clear_line(tmp_path, kind):
     rng = np.random.default_rng(9)
