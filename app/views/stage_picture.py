@@ -19,8 +19,8 @@ from core.detection.method_trace import (
     OUTLIER,
     TRAILING,
     MethodTrace,
+    Outline,
     Role,
-    Shape,
 )
 from core.events import Window, polarity_image
 from core.metrics.run import WindowAnswer
@@ -64,7 +64,7 @@ def draw_stage(canvas: Canvas, window: Window, trace: MethodTrace, name: str, re
             canvas.write(*shape.text_px, shape.text, PaletteIndex.TEXT)
 
 
-def _draw_shape(canvas: Canvas, shape: Shape) -> None:
+def _draw_shape(canvas: Canvas, shape: Outline) -> None:
     ink = ROLE_INK[shape.role]
     thickness = 2 if shape.role == "rejected" and canvas.scale >= 2 else 1
     if shape.radius_px is not None:

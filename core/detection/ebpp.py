@@ -23,8 +23,8 @@ from core.detection.method_trace import (
     RESULT,
     CandidateRow,
     MethodTrace,
+    Outline,
     PixelLayer,
-    Shape,
     StageCount,
     View,
     circle_points,
@@ -264,7 +264,7 @@ def _view_of(trace: EbppTrace, window: Window, reasons: tuple[Reason, ...]) -> M
     regions = region_shapes(trace.roi)
     enough = trace.circles[:, 3] >= trace.votes_needed
     circles = tuple(
-        Shape("accepted" if good else "rejected", circle_points(u, v), r, f"{votes:.0f} votes", (u + r + 2, v - r))
+        Outline("accepted" if good else "rejected", circle_points(u, v), r, f"{votes:.0f} votes", (u + r + 2, v - r))
         for (u, v, r, votes), good in zip(trace.circles[:LISTED].tolist(), enough, strict=False)
     )
     setting = "ebpp.votes_full" if trace.roi is None else "ebpp.votes_roi"

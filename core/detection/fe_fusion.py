@@ -19,8 +19,8 @@ from core.detection.method_trace import (
     RESULT,
     CandidateRow,
     MethodTrace,
+    Outline,
     PixelLayer,
-    Shape,
     StageCount,
     View,
     circle_points,
@@ -224,7 +224,7 @@ def _view_of(trace: FeFusionTrace, window: Window, config: FeFusionConfig, reaso
     rows = () if trace.clusters is None else tuple(_rows(trace, trace.clusters, config))
     regions = region_shapes(trace.roi)
     circles = () if trace.clusters is None else tuple(
-        Shape(
+        Outline(
             "rejected" if row.reasons else "accepted", circle_points(float(u), float(v)), float(r),
             f"{row.label}: {row.reasons[0].text}" if row.reasons else f"{row.label}: {row.verdict}",
             (float(u + r) + 2, float(v - r)),

@@ -58,7 +58,7 @@ class PixelLayer:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shape:
+class Outline:
     """A line, a polygon or a circle in a view, with a text beside it."""
 
     role: Role
@@ -81,7 +81,7 @@ class View:
     """The group of sliders that belongs to it, see `setting_group`."""
     pixels: PixelLayer | None
     """None: all events of the window, undimmed."""
-    shapes: tuple[Shape, ...] = ()
+    shapes: tuple[Outline, ...] = ()
     dots_px: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 2)))
     """(N, 2) points between pixels."""
     dot_kinds: NDArray[np.int16] = field(default_factory=lambda: np.zeros(0, np.int16))
@@ -195,7 +195,7 @@ def setting_group(section: str, stage: str = "") -> str:
 
 
 def circle_points(u_px: float, v_px: float) -> NDArray[np.float64]:
-    """Centre of a circle as the points of a `Shape`."""
+    """Centre of a circle as the points of a `Outline`."""
     return np.array([[u_px, v_px]])
 
 
@@ -205,9 +205,9 @@ def box_points(u_px: float, v_px: float, width_px: float, height_px: float) -> N
     return np.array([(u_px - x, v_px - y), (u_px + x, v_px - y), (u_px + x, v_px + y), (u_px - x, v_px + y)])
 
 
-def region_shapes(roi: Roi | None) -> tuple[Shape, ...]:
+def region_shapes(roi: Roi | None) -> tuple[Outline, ...]:
     """Outline of a region of interest; nothing for the whole sensor."""
     if roi is None:
         return ()
     u, v = (roi.x_min + roi.x_max) / 2, (roi.y_min + roi.y_max) / 2
-    return (Shape("region", box_points(u, v, roi.x_max - roi.x_min + 1, roi.y_max - roi.y_min + 1)),)
+    return (Outline("region", box_points(u, v, roi.x_max - roi.x_min + 1, roi.y_max - roi.y_min + 1)),)

@@ -14,8 +14,8 @@ from core.detection.method_trace import (
     RESULT,
     CandidateRow,
     MethodTrace,
+    Outline,
     PixelLayer,
-    Shape,
     StageCount,
     View,
     region_shapes,
@@ -102,7 +102,7 @@ def rejected_up_to(trace: PipelineTrace, name: str) -> tuple[Candidate, ...]:
     return tuple(one for one in trace.candidates if one.rejected_by in stages)
 
 
-def _outlines(trace: PipelineTrace, name: str) -> list[Shape]:
+def _outlines(trace: PipelineTrace, name: str) -> list[Outline]:
     """The rejected clusters of a view, and the hulls of the others; the largest ones with their figures."""
     lost, found = rejected_up_to(trace, name), []
     largest = sorted(trace.candidates, key=lambda one: -one.size)[:LABELLED]
@@ -110,11 +110,11 @@ def _outlines(trace: PipelineTrace, name: str) -> list[Shape]:
         text = _figures(one, name, one in lost) if one in largest else ""
         place = (float(one.events.x_px.max()) + 2, float(one.events.y_px.min()) - 1)
         if one in lost:
-            found.append(Shape("rejected", _outline(one), text=text, text_px=place))
+            found.append(Outline("rejected", _outline(one), text=text, text_px=place))
         elif name == "geometry" and one.shape is not None and len(one.shape.hull_px) > 1:
-            found.append(Shape("accepted", one.shape.hull_px, text=text, text_px=place))
+            found.append(Outline("accepted", one.shape.hull_px, text=text, text_px=place))
         elif text:
-            found.append(Shape("accepted", np.zeros((0, 2)), text=text, text_px=place))
+            found.append(Outline("accepted", np.zeros((0, 2)), text=text, text_px=place))
     return found
 
 

@@ -17,9 +17,9 @@ from core.detection.method_trace import (
     TRAILING,
     CandidateRow,
     MethodTrace,
+    Outline,
     PixelLayer,
     Residuals,
-    Shape,
     StageCount,
     View,
     box_points,
@@ -84,7 +84,7 @@ def _views(trace: RefinedTrace, tracks: dict[int, TrackTrace]) -> tuple[View, ..
     ]
     survivors = PixelLayer.joined(spans)
     boxes = tuple(
-        Shape(
+        Outline(
             ROLES[blob.status],  # type: ignore[arg-type]
             box_points(*blob.box_px),
             text=f"{number}: {1e-3 * blob.span_us:g} ms, {blob.status}",
@@ -133,24 +133,24 @@ def _dots(edges: list[EdgeTrace]) -> tuple[NDArray[np.float64], NDArray[np.int16
     return places, np.concatenate([np.zeros(0, np.int16), *(_kinds(one) for one in edges)])
 
 
-def _circle(role: str, ball: MovingCircle, text: str) -> Shape:
+def _circle(role: str, ball: MovingCircle, text: str) -> Outline:
     corner = (ball.u + ball.r + 2, ball.v - ball.r)
-    return Shape(role, circle_points(ball.u, ball.v), ball.r, text, corner)  # type: ignore[arg-type]
+    return Outline(role, circle_points(ball.u, ball.v), ball.r, text, corner)  # type: ignore[arg-type]
 
 
-def _fit_shapes(fit: FitTrace, track: TrackTrace | None) -> list[Shape]:
+def _fit_shapes(fit: FitTrace, track: TrackTrace | None) -> list[Outline]:
     if fit.ball is None:
         return []
     why = fit.reasons[0].text if fit.reasons else "" if track is None else _state(track)
     return [_circle("rejected" if fit.reasons else "accepted", fit.ball, f"{fit.number}: {why}")]
 
 
-def _track_shapes(track: TrackTrace) -> list[Shape]:
+def _track_shapes(track: TrackTrace) -> list[Outline]:
     ball = track.ball
     way = np.array([(ball.u, ball.v), (ball.u + TRAIL_MS * ball.vu, ball.v + TRAIL_MS * ball.vv)])
     text = f"{_state(track)}, {track.fits} fits, evidence {track.evidence:.1f}, {1e-3 * track.age_us:.0f} ms old"
     role = "accepted" if track.confirmed else "waiting"
-    return [_circle(role, ball, text), Shape(role, way)]
+    return [_circle(role, ball, text), Outline(role, way)]
 
 
 def _state(track: TrackTrace) -> str:

@@ -17,7 +17,7 @@ from core.detection.method_trace import (
     RESULT,
     CandidateRow,
     MethodTrace,
-    Shape,
+    Outline,
     StageCount,
     View,
     circle_points,
@@ -117,7 +117,7 @@ def _view_of(trace: YoloTrace, reasons: tuple[Reason, ...]) -> MethodTrace:
     for number, (u, v, r, sure) in enumerate(trace.boxes.tolist()):
         enough = sure >= trace.confidence_needed
         corner = (u + r + 2, v - r)
-        shapes.append(Shape("accepted" if enough else "rejected", circle_points(u, v), r, f"{sure:.2f}", corner))
+        shapes.append(Outline("accepted" if enough else "rejected", circle_points(u, v), r, f"{sure:.2f}", corner))
         why = () if enough else (Reason("confidence", None, sure, trace.confidence_needed),)
         state = "ball" if number == 0 else "another box"
         places = np.array([u]), np.array([v])
