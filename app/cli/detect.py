@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 import json
 from contextlib import closing, nullcontext
@@ -11,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from app.cli.arguments import WholeNumber, flag, given, positional
+from app.cli.arguments import flag, given, one_of, positional, whole_number
 from app.cli.backend_arguments import SharedBackendArguments
 from app.cli.detector_arguments import AnyMethodArguments
 from app.cli.files import csv_text
@@ -43,9 +44,14 @@ class DetectArguments:
     recordings: tuple[Path, ...] = positional("recordings or event files", "REC")
     camera: str | None = flag("which camera; needed if there are several", "NAME")
     detector: AnyMethodArguments
-    out: Path | None = flag("columns t_us,u_px,v_px,r_px; of several recordings a folder with a CSV of each", "CSV|DIR")
-    explain: WholeNumber | None = flag(
-        "print the table of the window that ends there: each stage, each candidate, each limit that it failed", "T_US"
+    wanted: tuple[str, str] = one_of(
+        {
+            "out": ("columns t_us,u_px,v_px,r_px; of several recordings a folder with a CSV of each", "CSV|DIR"),
+            "explain": (
+                "instead of a table of all: the window that ends there, each stage, candidate and failed limit",
+                "T_US",
+            ),
+        }
     )
     in_time: StreamingArguments
     engine: SharedBackendArguments
@@ -55,13 +61,12 @@ class DetectArguments:
 def run(arguments: DetectArguments) -> None:
     """Detect, write, and say what came out."""
     frames = arguments.detector.frame_method
-    if arguments.explain is not None:
-        _explain(arguments, arguments.explain)
+    kind, value = arguments.wanted
+    if kind == "explain":
+        _explain(arguments, _time_of(value))
         return
-    if arguments.out is None:
-        raise CommandError("no file for the table", expected="--out CSV, or --explain T_US for one window")
     work = _find_in_events(arguments) if frames is None else _find_in_frames(arguments, frames)
-    tabulate(arguments.recordings, arguments.out, work, arguments.engine, "Detecting", arguments.json, _say)
+    tabulate(arguments.recordings, Path(value), work, arguments.engine, "Detecting", arguments.json, _say)
 
 
 def _say(summary: Summary) -> None:
@@ -78,17 +83,23 @@ def _say(summary: Summary) -> None:
     say_why_not(counts, windows - found, what)
 
 
+def _time_of(text: str) -> int:
+    """A time in us; raises CommandError if it is none."""
+    try:
+        return whole_number(text)
+    except (argparse.ArgumentTypeError, ValueError) as error:
+        raise CommandError("not a time", expected="whole us", got=repr(text), where="--explain") from error
+
+
 def _explain(arguments: DetectArguments, t_us: int) -> None:
     """Print the table of one window of one recording.
 
     Raises:
-        CommandError: for several recordings, an output file, or a time outside the recording.
+        CommandError: for several recordings, or a time outside the recording.
     """
     path, *others = arguments.recordings
     if others:
         raise CommandError("one window of which recording?", expected="one recording", where="--explain")
-    if arguments.out is not None:
-        raise CommandError("--explain writes no file", where="--out", remedy="leave it out")
     asked = arguments.detector
     with closing(open_recording(path)) as recording:
         if asked.frame_method is not None:

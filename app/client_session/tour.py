@@ -66,8 +66,8 @@ TOURS: Final[Mapping[ModeName, tuple[TourStep, ...]]] = {
         ),
         TourStep(
             "Methods",
-            "refined is the default. auto and paper show their stages, from raw events to the ball (keys 1 to 6): "
-            "green hulls can be a ball, red ones show which limit failed.",
+            "refined is the default. Every method shows its stages, from raw events to the ball (keys 1 to 7): "
+            "what is green can be a ball, what is red shows which limit failed.",
             "Method",
         ),
         TourStep(

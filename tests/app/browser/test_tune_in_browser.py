@@ -139,10 +139,10 @@ def a_rejected_ball_stays_in_view_in_red_and_its_verdict_leads_to_its_sliders(tu
     assert region_of(tune) == region
     tune.wait_for_pixels("tune-rejected", lambda canvas: count_like(canvas, (255, 70, 70), 30) > 100)
     tune.field("Zoom").evaluate("field => field.scrollIntoView()")
-    slider = tune.page.locator("#stage-localise")
+    slider = tune.page.locator("#setting-localise-radius-max-px")
     assert slider.bounding_box()["y"] > 720
     tune.page.get_by_role("link", name=re.compile(r"radius .* > 5")).first.click()
-    eventually(lambda: 0 < slider.bounding_box()["y"] < 720, "the sliders of the stage")
+    wait_for(lambda: 0 < slider.bounding_box()["y"] < 720, "the slider of the limit")
     assert slider.evaluate("mark => getComputedStyle(mark).backgroundColor") == "rgb(255, 140, 40)"
     tune.screenshot("tune-verdict")
 
@@ -308,21 +308,15 @@ def choose(tune, label: str, option: str) -> None:
     wait_until_sent(tune.page)
 
 
-def click_all(tune, *labels: str) -> None:
-    """Click boxes, each once the one before was sent."""
-    for label in labels:
-        tune.field(label).click()
-        wait_until_sent(tune.page)
-
-
-def a_method_without_stages_shows_its_ball_and_its_own_sliders(tune) -> None:
+def another_method_shows_its_ball_its_own_stages_and_sliders(tune, wait_for, count_like) -> None:
     choose(tune, "Method", "refined")
     eventually(lambda: tune.state.tune.method == "refined", "the method")
     tune.page.get_by_text("moves (").first.wait_for()
     tune.wait_for_pixels("tune-refined", lambda canvas: count_like(canvas, YELLOW) > 40)
     motion = tune.field("motion [px]")
     assert motion.is_visible() and tune.page.get_by_text("circularity min").count() == 0
-    assert tune.page.get_by_text("Stage", exact=True).count() == 0
+    assert tune.page.get_by_role("button", name="edge points").is_visible(), "its own stages"
+    assert tune.page.get_by_role("button", name="clusters").count() == 0
     tune.fill(motion, "5")
     eventually(lambda: tune.state.config.refined.motion_px == 5.0, "the setting")
     assert tune.state.configs.present.a == DetectorConfig()
@@ -383,10 +377,10 @@ def methods_stand_beside_each_other_on_the_same_window(tune) -> None:
 @pytest.mark.gate
 def test_stages_settings_and_methods_change_what_is_found(tune) -> None:
     tune.session.send(SetZoom(3.0))  # where the picture is as wide as the sensor a ball's outline is a pixel
-    eventually(lambda: region_of(tune).width < 500, "the nearer view")
-    the_stages_show_the_ball_its_hull_and_its_circle(tune)
-    a_slider_changes_the_overlay_and_undo_brings_it_back(tune)
-    a_method_without_stages_shows_its_ball_and_its_own_sliders(tune)
+    wait_for(lambda: region_of(tune).width < 500, "the nearer view")
+    the_stages_show_the_ball_its_hull_and_its_circle(tune, count_like)
+    a_slider_changes_the_overlay_and_undo_brings_it_back(tune, wait_for, count_like)
+    another_method_shows_its_ball_its_own_stages_and_sliders(tune, wait_for, count_like)
 
 
 def test_the_zoomed_view_and_the_clusters_lead_to_the_ball(tune) -> None:
@@ -421,5 +415,30 @@ def test_a_config_is_scored_and_tuned(tune) -> None:
     a_config_is_scored_over_the_recording(tune)
     tune.page.get_by_text("Auto-tune", exact=True).first.click()
     tuning_against_labels_that_there_are_not_says_so(tune)
-    tuning_that_is_cancelled_changes_nothing_and_can_be_started_again(tune)
-    thresholds_are_tuned_and_the_result_is_b_beside_a(tune)
+    tuning_that_is_cancelled_changes_nothing_and_can_be_started_again(tune, wait_for)
+    thresholds_are_tuned_and_the_result_is_b_beside_a(tune, wait_for)
+
+
+def test_the_default_method_shows_its_stages_and_a_verdict_leads_to_its_slider(window, wait_for) -> None:
+    window.seek(BALL_US)
+    window.press("Tune")
+    window.page.get_by_text("moves (").first.wait_for()
+    for stage in ("search", "edge points", "fit", "track", "result"):
+        before = window.session.sheet.pictures[0].png
+        window.press(stage)
+        wait_for(lambda before=before: window.session.sheet.pictures[0].png != before, f"the picture of {stage}")
+        assert window.state.tune.stage == stage
+    window.press("fit")
+    window.fill(window.field("Zoom"), "8")
+    window.page.get_by_role("img", name="residuals").first.wait_for()
+    window.screenshot("tune-refined-fit")
+    window.fill(window.field("points min"), "200")
+    window.page.get_by_text("no ball").first.wait_for()
+    verdict = window.page.get_by_role("link", name=re.compile(r"edge points \d+ < 200")).first
+    verdict.wait_for()
+    window.page.get_by_text("refined finds no ball in a sample").wait_for()
+    window.screenshot("tune-refined-why-not")
+    verdict.click()
+    slider = window.page.locator("#setting-refined-points-min")
+    wait_for(lambda: 0 < slider.bounding_box()["y"] < 720, "the slider of the limit")
+    assert slider.evaluate("mark => getComputedStyle(mark).backgroundColor") == "rgb(255, 140, 40)"

@@ -231,8 +231,10 @@ def test_one_window_is_explained_with_its_stages_candidates_and_answer(recording
 def test_a_window_that_there_is_not_and_a_missing_table_are_said_in_one_line(recording, tmp_path, capsys) -> None:
     here = ["detect", str(recording), "--camera", "left"]
     assert main(here) == 2
-    assert "--out CSV, or --explain T_US" in capsys.readouterr().err
+    assert "one of the arguments --out --explain is required" in capsys.readouterr().err
     assert main([*here, "--explain", "99000000"]) == 2
     assert "no window ends there; expected 1 to 400000, got 99000000" in capsys.readouterr().err
     assert main([*here, "--explain", "5000", "--out", str(tmp_path / "a.csv")]) == 2
-    assert "--explain writes no file" in capsys.readouterr().err
+    assert "not allowed with argument" in capsys.readouterr().err
+    assert main([*here, "--explain", "soon"]) == 2
+    assert "--explain: not a time; expected whole us, got 'soon'" in capsys.readouterr().err
