@@ -150,7 +150,7 @@ def test_every_command_is_understood(capsys: pytest.CaptureFixture[str]) -> None
     ("text", "said"),
     [
         ("```\nrallyscope info a.h5 --jsn\n```", "--jsn"),
-        ("```\nrallyscope detect a.h5\n```", "--out"),
+        ("```\nrallyscope track a.h5\n```", "--out"),
         ("```\n.venv/bin/rallyscope labels scor REC\n```", "scor"),
         ("`rallyscope infos`", "infos"),
         ("`rallyscope labels merge --prefers anna`", "--prefers"),

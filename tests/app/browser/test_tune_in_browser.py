@@ -142,7 +142,7 @@ def a_rejected_ball_stays_in_view_in_red_and_its_verdict_leads_to_its_sliders(tu
     slider = tune.page.locator("#setting-localise-radius-max-px")
     assert slider.bounding_box()["y"] > 720
     tune.page.get_by_role("link", name=re.compile(r"radius .* > 5")).first.click()
-    wait_for(lambda: 0 < slider.bounding_box()["y"] < 720, "the slider of the limit")
+    eventually(lambda: 0 < slider.bounding_box()["y"] < 720, "the slider of the limit")
     assert slider.evaluate("mark => getComputedStyle(mark).backgroundColor") == "rgb(255, 140, 40)"
     tune.screenshot("tune-verdict")
 
@@ -308,7 +308,14 @@ def choose(tune, label: str, option: str) -> None:
     wait_until_sent(tune.page)
 
 
-def another_method_shows_its_ball_its_own_stages_and_sliders(tune, wait_for, count_like) -> None:
+def click_all(tune, *labels: str) -> None:
+    """Click boxes, each once the one before was sent."""
+    for label in labels:
+        tune.field(label).click()
+        wait_until_sent(tune.page)
+
+
+def another_method_shows_its_ball_its_own_stages_and_sliders(tune) -> None:
     choose(tune, "Method", "refined")
     eventually(lambda: tune.state.tune.method == "refined", "the method")
     tune.page.get_by_text("moves (").first.wait_for()
@@ -377,10 +384,10 @@ def methods_stand_beside_each_other_on_the_same_window(tune) -> None:
 @pytest.mark.gate
 def test_stages_settings_and_methods_change_what_is_found(tune) -> None:
     tune.session.send(SetZoom(3.0))  # where the picture is as wide as the sensor a ball's outline is a pixel
-    wait_for(lambda: region_of(tune).width < 500, "the nearer view")
-    the_stages_show_the_ball_its_hull_and_its_circle(tune, count_like)
-    a_slider_changes_the_overlay_and_undo_brings_it_back(tune, wait_for, count_like)
-    another_method_shows_its_ball_its_own_stages_and_sliders(tune, wait_for, count_like)
+    eventually(lambda: region_of(tune).width < 500, "the nearer view")
+    the_stages_show_the_ball_its_hull_and_its_circle(tune)
+    a_slider_changes_the_overlay_and_undo_brings_it_back(tune)
+    another_method_shows_its_ball_its_own_stages_and_sliders(tune)
 
 
 def test_the_zoomed_view_and_the_clusters_lead_to_the_ball(tune) -> None:
@@ -415,18 +422,19 @@ def test_a_config_is_scored_and_tuned(tune) -> None:
     a_config_is_scored_over_the_recording(tune)
     tune.page.get_by_text("Auto-tune", exact=True).first.click()
     tuning_against_labels_that_there_are_not_says_so(tune)
-    tuning_that_is_cancelled_changes_nothing_and_can_be_started_again(tune, wait_for)
-    thresholds_are_tuned_and_the_result_is_b_beside_a(tune, wait_for)
+    tuning_that_is_cancelled_changes_nothing_and_can_be_started_again(tune)
+    thresholds_are_tuned_and_the_result_is_b_beside_a(tune)
 
 
-def test_the_default_method_shows_its_stages_and_a_verdict_leads_to_its_slider(window, wait_for) -> None:
+@pytest.mark.gate
+def test_the_default_method_shows_its_stages_and_a_verdict_leads_to_its_slider(window) -> None:
     window.seek(BALL_US)
     window.press("Tune")
     window.page.get_by_text("moves (").first.wait_for()
     for stage in ("search", "edge points", "fit", "track", "result"):
         before = window.session.sheet.pictures[0].png
         window.press(stage)
-        wait_for(lambda before=before: window.session.sheet.pictures[0].png != before, f"the picture of {stage}")
+        eventually(lambda before=before: window.session.sheet.pictures[0].png != before, f"the picture of {stage}")
         assert window.state.tune.stage == stage
     window.press("fit")
     window.fill(window.field("Zoom"), "8")
@@ -440,5 +448,5 @@ def test_the_default_method_shows_its_stages_and_a_verdict_leads_to_its_slider(w
     window.screenshot("tune-refined-why-not")
     verdict.click()
     slider = window.page.locator("#setting-refined-points-min")
-    wait_for(lambda: 0 < slider.bounding_box()["y"] < 720, "the slider of the limit")
+    eventually(lambda: 0 < slider.bounding_box()["y"] < 720, "the slider of the limit")
     assert slider.evaluate("mark => getComputedStyle(mark).backgroundColor") == "rgb(255, 140, 40)"

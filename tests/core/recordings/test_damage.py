@@ -108,7 +108,7 @@ def test_what_stands_behind_the_garbage_is_kept_too(tmp_path, make_events, write
         (b"", "the file is empty"),
         (b"hello world, this is a text\nabout nothing\n", "the text is not events; expected four numbers a line"),
         (b"#!AER-DAT2.0\r\n# This is a raw AE data file", "the header does not name the camera"),
-        (b"#!AER-DAT3.1\r\n#Format: RAW\r\n", "an older AEDAT version; expected AEDAT4 or AEDAT 2.0, got #!AER-DAT3.1"),
+        (b"#!AER-DAT3.1\r\n#Format: RAW\r\n", "the AEDAT 3 header has no end; expected #!END-HEADER"),
         (b"\x00\x01\x02\xff\xfe" * 100, "the format is not recognised"),
         (b"\x89HDF\r\n\x1a\n" + b"\0" * 100, "the HDF5 file cannot be read"),
         (b"PK\x03\x04" + b"\0" * 100, "the NumPy file cannot be read"),
