@@ -208,7 +208,7 @@ def test_a_type_of_its_own_reads_the_word() -> None:
         ("train --out {new} --speeds 0", "--speeds: no serve of this speed; expected 3 to 9 m/s, got (0.0,)"),
         ("sim-server --auto-serve 900", "rallyscope sim-server: argument --auto-serve: expected 0 to 9, got '900'"),
         (
-            "import {csv} {csv} {new} --offset-us 99999999999999999999999",
+            "import {csv} {other} {new} --offset-us 99999999999999999999999",
             "--offset-us: no such offset; expected at most",
         ),
         (
@@ -219,8 +219,9 @@ def test_a_type_of_its_own_reads_the_word() -> None:
 )
 def test_a_message_about_a_setting_names_the_flag_that_set_it(tmp_path, capsys, words, message) -> None:
     (tmp_path / "a.csv").write_text("t,x,y,p\n1,2,3,1\n2,3,4,0\n")
-    filled = words.format(new=tmp_path / "new", csv=tmp_path / "a.csv")
+    (tmp_path / "b.csv").write_text("t,x,y,p\n1,2,3,1\n2,3,4,0\n")
+    filled = words.format(new=tmp_path / "new", csv=tmp_path / "a.csv", other=tmp_path / "b.csv")
     assert main(filled.split()) == 2
     err = capsys.readouterr().err
     assert err.startswith(f"rallyscope: {message}") and err.count("\n") == 1
-    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", "b.csv"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -26,6 +27,15 @@ def csv(tmp_path):
     return path
 
 
+@pytest.fixture
+def others(tmp_path_factory, csv):
+    """Two more files of that name with the same events, as of other cameras, in folders of their own."""
+    paths = [tmp_path_factory.mktemp(name) / csv.name for name in ("second", "third")]
+    for path in paths:
+        shutil.copy(csv, path)
+    return paths
+
+
 def run(capsys, *words) -> tuple[int, str, str]:
     code = main([str(word) for word in words])
     out, err = capsys.readouterr()
@@ -42,9 +52,9 @@ def test_one_source_becomes_a_recording(tmp_path, csv, capsys):
         assert recording.cameras["camera"].event_count == 3000
 
 
-def test_two_sources_with_names_offset_and_size_and_json(tmp_path, csv, capsys):
+def test_two_sources_with_names_offset_and_size_and_json(tmp_path, csv, others, capsys):
     code, out, _ = run(
-        capsys, "import", csv, csv, tmp_path / "a.h5", "--names", "near,far", "--offset-us", "-500",
+        capsys, "import", csv, others[0], tmp_path / "a.h5", "--names", "near,far", "--offset-us", "-500",
         "--width", "640", "--height", "480", "--json",
     )  # fmt: skip
     assert code == 0
@@ -60,7 +70,10 @@ def test_two_sources_with_names_offset_and_size_and_json(tmp_path, csv, capsys):
     ("words", "message"),
     [
         (["{csv}"], "wrong number of files; expected SRC [SRC2 ...] DST.h5, got 1"),
-        (["{csv}", "{csv}", "{csv}", "{out}"], "the names do not fit; expected 3 different ones"),
+        (
+            ["{csv}", "{second}", "{third}", "{out}", "--names", "a,b,b"],
+            "the names do not fit; expected 3 different ones",
+        ),
         (["missing.raw", "{out}"], "missing.raw: the file cannot be opened; got No such file or directory"),
         (["{csv}", "{out}", "--width", "640"], "--width and --height go together; give both"),
         (
@@ -73,8 +86,11 @@ def test_two_sources_with_names_offset_and_size_and_json(tmp_path, csv, capsys):
         (["{csv}", "{csv}/a.h5"], "cannot make the folder"),
     ],
 )
-def test_mistakes_are_one_line_and_exit_code_2(tmp_path, csv, capsys, words, message):
-    filled = [word.format(csv=csv, out=tmp_path / "a.h5", folder=tmp_path) for word in words]
+def test_mistakes_are_one_line_and_exit_code_2(tmp_path, csv, others, capsys, words, message):
+    filled = [
+        word.format(csv=csv, second=others[0], third=others[1], out=tmp_path / "a.h5", folder=tmp_path)
+        for word in words
+    ]
     code, out, err = run(capsys, "import", *filled)
     assert (code, out) == (2, "")
     assert message in err
@@ -148,7 +164,7 @@ def test_a_check_says_what_the_file_holds_and_writes_nothing(tmp_path, csv, caps
     assert out.endswith("Nothing was written.\n")
 
 
-def test_the_json_of_a_check_has_stable_keys_and_the_figures_of_the_import(tmp_path, csv, capsys):
+def test_the_json_of_a_check_has_stable_keys_and_the_figures_of_the_import(tmp_path, csv, others, capsys):
     options = ("--width", "640", "--height", "480", "--time-unit", "us", "--json")
     code, out, _ = run(capsys, "import", csv, tmp_path / "a.h5", "--check", *options)
     assert code == 0 and not (tmp_path / "a.h5").exists()
@@ -160,7 +176,7 @@ def test_the_json_of_a_check_has_stable_keys_and_the_figures_of_the_import(tmp_p
     assert code == 0 and {name: made[name] for name in found} == found
     assert set(made) - set(found) == {"path", "events", "triggers"}
     assert made["events"] == {"camera": found["cameras"][0]["events"]}
-    code, out, _ = run(capsys, "import", csv, csv, tmp_path / "a.h5", "--check", "--names", "near,far", *options)
+    code, out, _ = run(capsys, "import", csv, others[0], tmp_path / "a.h5", "--check", "--names", "near,far", *options)
     assert code == 0  # a recording that is there already can only be the result
     assert [camera["name"] for camera in json.loads(out)["cameras"]] == ["near", "far"]
 
@@ -180,13 +196,16 @@ def test_what_an_import_assumes_is_printed_and_listed_by_info(tmp_path, csv, cap
     [
         (["missing.raw", "--check"], "missing.raw: the file cannot be opened"),
         (["{csv}", "missing.raw", "--check"], "missing.raw: the file cannot be opened"),
-        (["{csv}", "{csv}", "{csv}", "--check"], "the names do not fit; expected 3 different ones"),
+        (
+            ["{csv}", "{second}", "{third}", "--check", "--names", "a,b"],
+            "the names do not fit; expected 3 different ones",
+        ),
         (["{csv}", "--check", "--width", "30", "--height", "20"], "expected a sensor of at least 300x200"),
         (["{csv}", "--check", "--polarity", "1=on,2=off"], "which polarity is ON cannot be told"),
     ],
 )
-def test_a_check_refuses_what_the_import_would_refuse(tmp_path, csv, capsys, words, message):
-    code, out, err = run(capsys, "import", *[word.format(csv=csv) for word in words])
+def test_a_check_refuses_what_the_import_would_refuse(tmp_path, csv, others, capsys, words, message):
+    code, out, err = run(capsys, "import", *[word.format(csv=csv, second=others[0], third=others[1]) for word in words])
     assert (code, out) == (2, "")
     assert message in err and err.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["events.csv"]
