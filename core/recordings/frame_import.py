@@ -18,6 +18,7 @@ from core.text import decode_text
 
 FRAME_CAMERA: Final = "rgb"
 """The name of the camera that the pictures belong to."""
+_TEXT_AND_NUMBER: Final = re.compile(r"(\D*)(\d*)")
 _SUFFIXES: Final = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
 
@@ -26,7 +27,7 @@ class FrameInput:
     """Where the pictures are and when they were taken."""
 
     images: Path
-    """A video, or a folder whose image files are taken in order of their names."""
+    """A video, or a folder whose image files are taken in order of their names, see `picture_files`."""
     times: Path
     """Text, one line a picture: its time (mid exposure) in us on the clock of the first event source."""
     exposure_us: int
@@ -86,13 +87,17 @@ def first_image_size(path: Path) -> SensorSize:
 
 
 def picture_files(folder: Path, suffixes: Collection[str]) -> list[Path]:
-    """The picture files of a folder in the order of their names.
+    """The picture files of a folder in the order of their names, numbers in them by value: 2.png before 10.png.
 
     Hidden ones are no pictures: macOS leaves a `._NAME` beside every file that it copies to a foreign disk.
     """
-    return sorted(
-        item for item in folder.iterdir() if item.suffix.lower() in suffixes and not item.name.startswith(".")
-    )
+    pictures = (item for item in folder.iterdir() if item.suffix.lower() in suffixes and not item.name.startswith("."))
+    return sorted(pictures, key=lambda item: (_by_number(item.stem), item.name))
+
+
+def _by_number(name: str) -> list[tuple[str, int]]:
+    """Parts of a name, each with the number behind it, for sorting."""
+    return [(text, int(number or -1)) for text, number in _TEXT_AND_NUMBER.findall(name)]
 
 
 def _folder_images(path: Path) -> Iterator[NDArray[np.uint8]]:
