@@ -543,8 +543,12 @@ def table_rows(text: str, file: Path, collector: Collector) -> Iterator[tuple[in
     delimiter = delimiter_of(text)
     reader = csv.reader(lines, delimiter=delimiter)
     try:
+        width = 0
         for fields in reader:
             if fields:
+                width = width or len(fields)
+                while len(fields) > width and not fields[-1].strip():
+                    fields.pop()  # a comma at the end of each line but that of the names
                 # Where fields end with a semicolon, numbers may have a comma.
                 whole = fields if delimiter == "," else [_COMMA.sub(r"\1.\2", field) for field in fields]
                 yield reader.line_num, whole

@@ -238,12 +238,13 @@ def _label_of(region: JsonObject, t_us: int, context: ImportContext) -> Label:
         radius = (rx + ry) / 2
     elif kind == "rectanglelabels":
         w, h = finite(value.get("width"), "width") * width, finite(value.get("height"), "height") * height
-        if min(w, h) <= 0:
+        if w == 0 or h == 0:
             raise LabelError("the box is empty", got=(w, h))
+        # A rectangle of a prediction that was changed may be drawn to the left or upwards: its sides are negative.
         turn = math.radians(finite(value.get("rotation", 0), "rotation"))  # round the upper left corner
         x += w / 2 * math.cos(turn) - h / 2 * math.sin(turn)
         y += w / 2 * math.sin(turn) + h / 2 * math.cos(turn)
-        radius = (w + h) / 4
+        radius = (abs(w) + abs(h)) / 4
     return context.ball(t_us, LabelState.VISIBLE, x - HALF_PIXEL, y - HALF_PIXEL, radius)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -10,6 +11,19 @@ from PIL import Image
 from labels.formats.picture_names import stem_of
 
 _SUFFIXES: Final = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"})
+
+_NO_PICTURE: Final = (OSError, ValueError, SyntaxError, Image.DecompressionBombError)
+_ORIENTATION: Final = 0x112
+_LYING: Final = (5, 6, 7, 8)
+"""Orientations of EXIF by which a picture is shown with its sides exchanged: labels are of what is shown."""
+
+
+def _shown_size(file: Path) -> tuple[int, int]:
+    """Width and height as a viewer shows the picture; reads the header only."""
+    with Image.open(file) as picture:
+        width, height = picture.size
+        lies = picture.getexif().get(_ORIENTATION) in _LYING
+    return (height, width) if lies else (width, height)
 
 
 class PictureFiles:
@@ -34,10 +48,22 @@ class PictureFiles:
             if file is None:
                 continue
             try:
-                with Image.open(file) as picture:  # reads the header only
-                    return picture.size
-            except (OSError, ValueError, Image.DecompressionBombError):
+                return _shown_size(file)
+            except _NO_PICTURE:
                 continue
+        return None
+
+    def size_of_clip(self, table: Path) -> tuple[int, int] | None:
+        """Width and height of the first picture of the clip that a table of TrackNet belongs to; None where none is.
+
+        The pictures lie beside the table, or in `frame/CLIP` beside its folder, CLIP being its name without `_ball`.
+        """
+        folder, clip = table.absolute().parent, table.stem.removesuffix("_ball")
+        roots = [root / name for root in (folder.parent, folder) for name in ("frame", "frames")]
+        for place in [*(root / clip for root in roots), folder]:
+            for file in sorted(self._listed(place).values())[:1]:
+                with suppress(*_NO_PICTURE):
+                    return _shown_size(file)
         return None
 
     def _listed(self, folder: Path) -> dict[str, Path]:

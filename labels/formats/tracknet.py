@@ -34,6 +34,7 @@ from labels.formats.exchange import (
     whole_number,
     write_text,
 )
+from labels.formats.picture_files import PictureFiles
 from labels.model import Label, LabelState
 
 HEADER = ["Frame", "Visibility", "X", "Y"]
@@ -89,11 +90,12 @@ def read_tracknet(path: Path, context: ImportContext) -> Imported:
             tables.append(table)
             same.add(file, table.pictures)
     times: dict[Path, dict[int, int] | None] = {}
+    pictures = PictureFiles()
     for table in tables:
         folder = table.file.parent
         if folder not in times:
             times[folder] = _read_times(folder / FRAMES, collector) if (folder / FRAMES).is_file() else None
-        if same.accept(table.file, collector):
+        if same.accept(table.file, collector) and _size_fits(table, pictures, context, collector):
             _read_table(table, times[folder], context, collector)
     return collector.done()
 
@@ -151,6 +153,19 @@ def _table_of(text: str, file: Path, collector: Collector) -> _Table | None:
         collector.reject(file, 1, LabelError(what, remedy=remedy))
         return None
     return _Table(file, header, columns, rows[1:])
+
+
+def _size_fits(table: _Table, pictures: PictureFiles, context: ImportContext, collector: Collector) -> bool:
+    """Whether the clip's pictures, where they are found, have the size that the table's pixels are taken to be of."""
+    if table.columns.shares or context.picture_size is not None:
+        return True
+    size, sensor = pictures.size_of_clip(table.file), context.sensor
+    if size is None or size == (sensor.width_px, sensor.height_px):
+        return True
+    expected, got = str(sensor), f"{size[0]}x{size[1]}"
+    what, remedy = "the clip's pictures have another size", f"--picture-size {got} if the table counts their pixels"
+    collector.reject(table.file, 1, LabelError(what, expected=expected, got=got, remedy=remedy))
+    return False
 
 
 def _read_table(table: _Table, times: dict[int, int] | None, context: ImportContext, collector: Collector) -> None:

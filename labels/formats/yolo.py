@@ -205,6 +205,7 @@ def _read_file(
             collector.add(label, file, 1)
     for number, fields in lines:
         with collector.entry(file, number):
+            _refuse_rows_of_mot(fields)
             if whole_number(fields[0], "the class") != ball.number:
                 raise LabelError(f"class {fields[0]} is not {context.ball_class or CLASS_NAME!r}")
             numbers = [finite(field, f"field {place}") for place, field in enumerate(fields[1:], start=2)]
@@ -213,6 +214,15 @@ def _read_file(
                 raise LabelError("outside the picture", expected="shares, 0 to 1", got=numbers[:4], remedy=remedy)
             label = _label_of(numbers, ball, times.time_of(picture.name), context)
             collector.add(label, file, number)
+
+
+def _refuse_rows_of_mot(fields: list[str]) -> None:
+    """Raises LabelError for a row of MOT: frame, track, left, top, width and height in pixels, perhaps four more."""
+    if "," in fields[0] or (len(fields) == 10 and fields[-3:] == ["-1"] * 3):
+        what = "not a line of YOLO; it looks like a track of MOT"
+        expected = "class, x, y, width and height, with spaces between"
+        remedy = "a table with the columns frame, x and y (the centre, px) is read by --format csv"
+        raise LabelError(what, expected=expected, got=" ".join(fields)[:60], remedy=remedy)
 
 
 def _label_of(numbers: list[float], ball: BallClass, t_us: int, context: ImportContext) -> Label:
@@ -225,8 +235,10 @@ def _label_of(numbers: list[float], ball: BallClass, t_us: int, context: ImportC
         keypoint = 3 if count == 7 else 0
     if keypoint and count in (4 + keypoint, 5 + keypoint):
         box, point = numbers[:4], numbers[4 : 4 + keypoint]
-    elif not keypoint and (count in (4, 5) or (count == 6 and numbers[5] > 1 and numbers[5].is_integer())):
-        box, point = numbers[:4], []  # a confidence and the number of a track may follow
+    elif not keypoint and (count in (4, 5) or (count == 6 and numbers[5] != 0 and numbers[5].is_integer())):
+        # A confidence and the number of a track may follow: from 1, or -1 without a track. A triangle at the lower edge
+        # that is read so has a box of half the picture, which is refused.
+        box, point = numbers[:4], []
     elif count >= 6 and not keypoint and (count % 2 == 0 or count >= 9):  # odd: a confidence follows
         return _label_of_polygon(numbers[: count - count % 2], t_us, context)
     else:
@@ -260,5 +272,12 @@ def _label_of_polygon(numbers: list[float], t_us: int, context: ImportContext) -
     if not all(-OUTSIDE <= number <= 1.0 + OUTSIDE for number in numbers):
         raise LabelError("outside the picture", expected="shares, 0 to 1", got=numbers[:8])
     corners = np.array(numbers).reshape(-1, 2) * (context.sensor.width_px, context.sensor.height_px)
-    x, y, radius = circle_of_polygon(corners)
-    return context.ball(t_us, LabelState.VISIBLE, x - HALF_PIXEL, y - HALF_PIXEL, radius)
+    try:
+        x, y, radius = circle_of_polygon(corners)
+        return context.ball(t_us, LabelState.VISIBLE, x - HALF_PIXEL, y - HALF_PIXEL, radius)
+    except LabelError as error:
+        if len(numbers) != 6:
+            raise
+        what = "the 7 columns are neither a box with a confidence and the number of a track nor a triangle"
+        expected = "class x y w h confidence track, the last a whole number; or class and three corners"
+        raise LabelError(what, expected=expected, got=numbers) from error
