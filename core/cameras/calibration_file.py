@@ -1,5 +1,5 @@
 """Calibration files, told apart by their content: ours (TOML, JSON), OpenCV's, ROS, Kalibr, DSEC,
-anipose (TOML) and Sony's rigs.
+anipose (TOML), camodocal and Sony's rigs.
 
 All but ours and Sony's know no world: there, the first camera's frame is the world until the rig is aligned to the
 table.
@@ -30,9 +30,11 @@ from core.cameras.camera import Camera
 from core.cameras.distortion import LensModel
 from core.cameras.kalibr import (
     camera_from_euroc,
+    camera_from_kalibr_table,
     cameras_from_dsec,
     cameras_from_kalibr,
     cameras_from_world_poses,
+    kalibr_tables,
     looks_like_dsec,
     looks_like_kalibr,
     looks_like_world_poses,
@@ -46,6 +48,7 @@ from core.cameras.opencv_yaml import (
     tree_from_xml,
 )
 from core.cameras.plausible import check_lenses, odd_lenses, odd_poses
+from core.cameras.slam_files import camera_from_camodocal, looks_like_camodocal, tree_from_ros_ini
 from core.cameras.units import Unit, check_board_unit, check_lengths, in_metres, stated_unit
 from core.errors import CalibrationError
 from core.files import replace_file
@@ -108,6 +111,11 @@ def _parse(text: str, path: Path, notes: list[str]) -> CalibrationNode:
     start = text.lstrip()
     if start.startswith("<") and not start.startswith("<<"):
         return tree_from_xml(text, str(path))
+    if (ini := tree_from_ros_ini(text, str(path))) is not None:
+        return ini
+    if start.startswith("Calibration results\n"):
+        remedy = "give the camchain YAML that Kalibr wrote beside it"
+        raise CalibrationError("Kalibr's report, which is for people", where=path, remedy=remedy)
     if (FORMAT in text[:4096] and not start.startswith(("%YAML", "{"))) or _TOML_LINE.match(_first_line(text)):
         return _parse_toml(text, path)
     return _parse_yaml(text, path, notes)
@@ -131,6 +139,10 @@ def _cameras_from_tree(
         return cameras_from_dsec(tree, notes, model)
     if looks_like_kalibr(tree):
         return cameras_from_kalibr(tree, notes, model)
+    if looks_like_camodocal(tree):
+        return camera_from_camodocal(tree)
+    if kalibr_tables(tree):
+        return camera_from_kalibr_table(tree, notes, model)
     if looks_like_world_poses(tree):
         return cameras_from_world_poses(tree, notes, model)
     if isinstance(tree.values.get("intrinsics"), list) and "resolution" in tree.values:

@@ -140,14 +140,21 @@ def _rows_of(raw: object, key: str, where: str) -> object:
         columns = next((raw[name] for name in ("cols", "columns", "col") if name in raw), None)
         raw = FileMatrix(rows, columns, raw["data"])
     if not isinstance(raw, FileMatrix):
-        return raw
-    rows, columns, data = raw.rows, raw.columns, raw.data
+        return _words_apart(raw)
+    rows, columns, data = raw.rows, raw.columns, _words_apart(raw.data)
     if not (isinstance(rows, int) and isinstance(columns, int) and isinstance(data, list)):
         raise CalibrationError(f"{key}: opencv-matrix without rows, cols and data", where=where)
     if rows < 0 or columns < 0 or rows * columns != len(data):
         got = f"opencv-matrix of {short_repr(rows)} x {short_repr(columns)} with {len(data)} numbers"
         raise CalibrationError(f"{key} is no matrix", got=got, where=where)
     return [data[row * columns : (row + 1) * columns] for row in range(rows)] if data else []
+
+
+def _words_apart(data: object) -> object:
+    """A list that was written without commas, `[0.1 0.2]`: ROS's camera_calibration did so."""
+    if isinstance(data, list) and len(data) == 1 and isinstance(data[0], str):
+        return data[0].split()
+    return data
 
 
 def _is_matrix_of_numbers(raw: object) -> bool:

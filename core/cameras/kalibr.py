@@ -27,11 +27,34 @@ from core.geometry import invert_transform
 DSEC_EVENTS = {"left": 0, "right": 3}
 """Our name -> number of DSEC's event cameras; cam1 and cam2 take ordinary pictures."""
 
+KEYS = {"intrinsics", "resolution"}
+"""Of a camera in Kalibr's files."""
+
 
 def looks_like_kalibr(tree: CalibrationNode) -> bool:
     """Whether the top level is cam0, cam1, ... with Kalibr's keys."""
     first = tree.values.get("cam0")
     return isinstance(first, dict) and ("camera_model" in first or "intrinsics" in first)
+
+
+def kalibr_tables(tree: CalibrationNode) -> list[str]:
+    """The tables of a file at whose top are cameras with Kalibr's keys, whatever they are called."""
+    return [name for name, value in tree.values.items() if isinstance(value, dict) and value.keys() >= KEYS]
+
+
+def camera_from_kalibr_table(tree: CalibrationNode, notes: list[str], asked: LensModel | None) -> dict[str, Camera]:
+    """The one camera of such a file, by the name of its table; the world is its frame.
+
+    Raises:
+        CalibrationError: if there are several: which one a pose is against is told by cam0, cam1, ... only.
+    """
+    names = kalibr_tables(tree)
+    if len(names) > 1:
+        got, remedy = ", ".join(names)[:120], "name them in the order of their poses"
+        raise CalibrationError(
+            "the cameras have other names", expected="cam0, cam1", got=got, where=tree.where, remedy=remedy
+        )
+    return {names[0]: _camera(tree.child(names[0]), np.eye(4), "intrinsics", notes, asked)}
 
 
 def looks_like_dsec(tree: CalibrationNode) -> bool:

@@ -16,6 +16,8 @@ from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import fromstring
 
 from core.cameras.calibration_values import (
+    SIZES,
+    WIDTHS,
     Array,
     CalibrationNode,
     FileMatrix,
@@ -166,6 +168,14 @@ def cameras_from_opencv(
         CalibrationError: if a key is missing or does not fit.
     """
     _refuse_cropped(tree)
+    found = tree.values.get(tree.find(*SINGLE_K, *LEFT_K, *RIGHT_K) or "")
+    nowhere = found is None or (isinstance(found, dict) and "data" not in found)
+    if nowhere and tree.find(*WIDTHS, *SIZES) is None:
+        # Another tool's file may say both by other keys: which it has is the hint.
+        keys = ", ".join(map(str, tree.values))
+        what = "no camera matrix that is known, and the file does not say for which picture size it is"
+        expected = f"one of the keys {', '.join(SINGLE_K)}; image_width, image_height"
+        raise CalibrationError(what, expected=expected, got=f"the keys {keys[:120]}", where=where)
     sensor = read_size(tree)
     T_world_left = read_pose(tree, "T_world_camera") if "T_world_camera" in tree.values else np.eye(4)
     reader = _LensReader(tree, sensor, notes, asked)
