@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -82,6 +82,7 @@ def _load(path: Path) -> _Loaded:
         stated = size_in_attributes(small)
         others = [name for name in names if name not in small]
         whole = next((name for name in ("events", "arr_0") if name in names), others[0] if len(others) == 1 else None)
+        whole = whole or _records_in(loaded, others)
         if whole is not None:
             return _from_array(loaded[whole], path, stated)
         pair = next((name for name in ("xy", "xys", "coords", "coordinates") if name in names), None)
@@ -101,6 +102,21 @@ def _load(path: Path) -> _Loaded:
         used = {pair, *(names[place] for place in places.values() if place < len(names))}
         unread = ", ".join(name for name in others if name not in used)
         return found._replace(assumed=(f"{path.name} also holds {unread}, which is not read.",)) if unread else found
+
+
+def _records_in(loaded: np.lib.npyio.NpzFile, names: list[str]) -> str | None:
+    """The one array of records with the columns of events, in an archive that has no such columns itself."""
+    if _has_columns([name.rpartition("/")[2] for name in names]):
+        return None
+    found = [name for name in names if _has_columns(loaded[name].dtype.names or ())]
+    return found[0] if len(found) == 1 else None
+
+
+def _has_columns(names: Sequence[str]) -> bool:
+    try:
+        return bool(find_columns(names, where=""))
+    except RecordingError:
+        return False
 
 
 def _is_about_size(name: str) -> bool:

@@ -114,6 +114,7 @@ def _open_hdf5(path: Path, sensor: SensorSize | None) -> list[EventSource]:
             groups = ", ".join(map(str, file)) or "nothing"
             if "rallyscope" in str(file.attrs.get("format", "")):
                 raise RecordingError("it is a recording already", where=path, remedy="open it as it is")
+            frames = [str(name) for name, item in file.items() if "pandas_type" in item.attrs]
             metavision, sony = isinstance(file.get("CD/events"), h5py.Dataset), is_sony_file(file)
         if metavision:
             found = open_metavision_hdf5(path, sensor)
@@ -123,6 +124,12 @@ def _open_hdf5(path: Path, sensor: SensorSize | None) -> list[EventSource]:
             found = open_hdf5_data_set(path, sensor) or open_hdf5_table(path, sensor)
     except (OSError, RuntimeError, KeyError, ValueError) as error:
         raise RecordingError("the HDF5 file cannot be read", got=explain(error), where=path) from error
+    if found is None and frames:
+        what, got = "a table that pandas packed into blocks (to_hdf)", ", ".join(frames)
+        remedy = "write it with to_hdf(..., format='table', data_columns=True), or as a CSV"
+        raise RecordingError(
+            what, expected="a column or a field each for t, x, y and p", got=got, where=path, remedy=remedy
+        )
     if found is None:
         raise RecordingError("no events in a layout that is known", got=f"an HDF5 file of {groups}", where=path)
     return found
@@ -177,6 +184,7 @@ _KNOWN_OTHERS: Final[tuple[tuple[tuple[bytes, ...], str, str], ...]] = (
     ((b"\x89PNG", b"\xff\xd8\xff", b"BM", b"GIF8", b"II*\0", b"MM\0*"), "a picture", "pictures come with --frames"),
     ((b"\0\x05\x16\x07",), "one that macOS lays beside another (._NAME)", "give the file without ._ in its name"),
     ((b"PAR1",), "a Parquet file", "write t, x, y and p to a CSV or an .npz"),
+    ((b"ARROW1", b"FEA1"), "a Feather (Arrow) file", "write t, x, y and p to a CSV or an .npz"),
 )
 """How files of other kinds begin, what they are, and what to do."""
 

@@ -11,6 +11,7 @@ import itertools
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Final, TextIO
 
@@ -31,6 +32,10 @@ _SAMPLE_LINES: Final = 2_000
 
 
 _COMMA_IN_QUOTES: Final = re.compile(r"(?<=[\"'])(-?\d+),(\d+)(?=[\"'])")
+_NUMBER_IN_QUOTES: Final = re.compile(r"(?<=[\"'])-?\d+(?:,\d+)+(?=[\"'])")
+_THOUSANDS: Final = re.compile(r"-?[1-9]\d{0,2}(,\d{3})+")
+_DATE: Final = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
+_EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 _BRACKETS: Final = str.maketrans("", "", "()[]{}\"'")
 _HEAD_BYTES: Final = 1 << 16
 
@@ -47,6 +52,10 @@ class _Layout:
     decimal_comma: bool
     words: int | None = None
     """The column that holds words for the polarities, such as ON."""
+    dates: int | None = None
+    """The column that holds dates with the time of day."""
+    thousands: bool = False
+    """Whether commas within quotes part thousands."""
     assumed: tuple[str, ...] = ()
     """What is said of columns without names."""
 
@@ -106,23 +115,26 @@ def _find_layout(path: Path) -> _Layout:
         sensor, skip = size_of(*words), skip + 1
     first = lines[skip] if skip < len(lines) else ""
     separator, decimal_comma = _separator(first, lines[skip + 1] if skip + 1 < len(lines) else first)
-    layout = _Layout(separator, skip, {}, None, sensor, decimal_comma)
+    layout = _Layout(separator, skip, {}, None, sensor, decimal_comma, thousands=_part_thousands(lines[skip + 1 :]))
     names = [name.strip().strip("\"'") for name in first.strip().strip("()[]").split(separator)]
     got = repr(first.strip()[:60])
     fields = _plain(first, layout).split(separator)
     if any(_is_number(field) for field in fields):
         while len(names) > 4 and not names[-1]:
             names.pop()  # a separator at the end of each line
-        layout = replace(layout, words=_place_of_words(fields[: len(names)]))
+        dates = _place_of_date(fields)
+        layout = replace(layout, words=_place_of_words(fields[: len(names)], dates), dates=dates)
         commented = _commented_names(lines[:skip], len(names))
         if commented is not None:
             places = find_columns(commented, where=str(path))
-            return replace(layout, places=places, unit=unit_of_name(commented[places["t"]]))
+            return replace(layout, places=places, unit=_unit(layout, places, commented[places["t"]]))
         sample, _ = _parse(_cleaned(lines[skip:], layout, {}), separator, len(names))
         if len(names) != 4 or not len(sample):
             raise RecordingError("the text is not events", expected="four numbers a line", got=got, where=path)
         order = guess_columns(sample, where=str(path))
-        return replace(layout, places=order.places, assumed=(order.note(path.name),))
+        return replace(
+            layout, places=order.places, unit=_unit(layout, order.places, ""), assumed=(order.note(path.name),)
+        )
     try:
         places = find_columns(names, where=str(path))
     except RecordingError as error:
@@ -139,11 +151,13 @@ def _find_layout(path: Path) -> _Layout:
             where=path,
             remedy="name every column; numbers with decimal commas need another separator",
         )
-    words = _place_of_words(second[: len(names)])
+    dates = _place_of_date(second)
+    layout = replace(layout, dates=dates if dates == places["t"] else None)
+    words = _place_of_words(second[: len(names)], dates)
     others = [name for place, name in enumerate(names) if place not in places.values() and not _is_index(name)]
-    return _Layout(
-        separator, skip + 1, places, unit_of_name(names[places["t"]]), sensor or size_in_names(names), decimal_comma,
-        words=words if words == places["p"] else None,
+    return replace(
+        layout, skip=skip + 1, places=places, unit=_unit(layout, places, names[places["t"]]),
+        sensor=sensor or size_in_names(names), words=words if words == places["p"] else None,
         assumed=(f"{path.name}: the columns {', '.join(others)} are not read.",) if others else (),
     )  # fmt: skip
 
@@ -153,9 +167,39 @@ def _is_index(name: str) -> bool:
     return name.lower() in ("", "index", "idx", "id", "event_id", "#", "no", "n") or name.lower().startswith("unnamed")
 
 
-def _place_of_words(fields: list[str]) -> int | None:
-    """The one field that is no number."""
-    places = [place for place, field in enumerate(fields) if not _is_number(field)]
+def _unit(layout: _Layout, places: dict[str, int], name: str) -> str | None:
+    """Of the times: dates become microseconds since 1970, which a float64 holds exactly."""
+    return "us" if layout.dates == places["t"] else unit_of_name(name)
+
+
+def _place_of_date(fields: list[str]) -> int | None:
+    return next((place for place, field in enumerate(fields) if _us_of_date(field) is not None), None)
+
+
+def _us_of_date(text: str) -> int | None:
+    """Microseconds since 1970 of a date with a time of day as pandas and ISO 8601 write it, in UTC unless it says."""
+    text = text.strip()
+    if not _DATE.match(text):
+        return None
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        return None
+    return (moment.replace(tzinfo=moment.tzinfo or UTC) - _EPOCH) // timedelta(microseconds=1)
+
+
+def _part_thousands(lines: list[str]) -> bool:
+    """Whether commas in quotes part thousands: two in a number, or lines with and without in one file."""
+    quoted = [_NUMBER_IN_QUOTES.findall(line) for line in lines]
+    numbers = [number for found in quoted for number in found]
+    if not numbers or not all(_THOUSANDS.fullmatch(number) for number in numbers):
+        return False
+    return any(number.count(",") > 1 for number in numbers) or not all(quoted)
+
+
+def _place_of_words(fields: list[str], dates: int | None) -> int | None:
+    """The one field that is neither a number nor the date."""
+    places = [place for place, field in enumerate(fields) if place != dates and not _is_number(field)]
     return places[0] if len(places) == 1 and fields[places[0]].strip() else None
 
 
@@ -188,9 +232,20 @@ def _separator(first: str, second: str) -> tuple[str | None, bool]:
 def _cleaned(lines: list[str], layout: _Layout, codes: dict[str, int]) -> list[str]:
     """The lines with plain numbers: no quotes, no decimal commas, and for a word its number in `codes`, which grows."""
     plain = _plain("".join(lines), layout).splitlines(keepends=True)
+    if layout.dates is not None:
+        plain = [_timed(line, layout.dates, layout.separator) for line in plain]
     if layout.words is None:
         return plain
     return [_coded(line, layout.words, layout.separator, codes) for line in plain]
+
+
+def _timed(line: str, place: int, separator: str | None) -> str:
+    fields = line.split(separator)
+    t_us = _us_of_date(fields[place]) if len(fields) > place else None
+    if t_us is None:
+        return line
+    fields[place] = str(t_us)
+    return (separator or " ").join(fields) + ("\n" if place == len(fields) - 1 or separator is None else "")
 
 
 def _coded(line: str, place: int, separator: str | None, codes: dict[str, int]) -> str:
@@ -204,6 +259,8 @@ def _coded(line: str, place: int, separator: str | None, codes: dict[str, int]) 
 def _plain(text: str, layout: _Layout) -> str:
     """The text without quotes, brackets and decimal commas."""
     if '"' in text or "'" in text or text.lstrip()[:1] in ("(", "["):
+        if layout.thousands:
+            text = _NUMBER_IN_QUOTES.sub(lambda found: found[0].replace(",", ""), text)
         text = _COMMA_IN_QUOTES.sub(r"\1.\2", text).translate(_BRACKETS)
     if layout.decimal_comma:
         text = text.replace(",", ".")

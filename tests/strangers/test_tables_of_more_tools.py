@@ -1,0 +1,147 @@
+"""More public reports about tables of events, each with a file made here: read right, or refused with the reason.
+
+Each case says what came of it when it was first tried.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+
+from core.errors import RecordingError
+from core.events import SensorSize
+from core.recordings import import_recording, open_recording
+from core.recordings.sources.source import Stated
+from tests.strangers import event_files as make
+
+VGA = make.draw_rows(640, 480, count=600)
+FRAME = pd.DataFrame({"t": VGA.t, "x": VGA.x, "y": VGA.y, "p": VGA.p})
+GITHUB = "https://github.com"
+Write = Callable[[Path], Path]
+
+
+def lines(form: Callable[[int, int, int, int], str], head: str = "t,x,y,p") -> Write:
+    """A text with one line for each event."""
+    rows = list(zip(*(column.tolist() for column in VGA), strict=True))
+    return lambda path: make.write(path, "\n".join([head, *(form(*row) for row in rows), ""]).encode())
+
+
+def dated(first: str, zone: str | None = None, polarity: str | None = None) -> Write:
+    """A table of pandas whose times are dates."""
+    start = pd.Timestamp(first) if zone is None else pd.Timestamp(first, tz="UTC").tz_convert(zone)
+    times = start + pd.to_timedelta(VGA.t, unit="us")
+    words = VGA.p if polarity is None else np.where(VGA.p, "ON", "OFF")
+    frame = pd.DataFrame({"timestamp": times, "x": VGA.x, "y": VGA.y, "polarity": words})
+    return lambda path: make.write(path, frame.to_csv(index=False).encode())
+
+
+def indexed_twice(path: Path) -> Path:
+    """Written, read and written again: each time with a column that counts the rows."""
+    return make.write(path, pd.read_csv(io.BytesIO(FRAME.to_csv().encode())).to_csv().encode())
+
+
+def feather(path: Path) -> Path:
+    FRAME.to_feather(path)
+    return path
+
+
+def blocks(path: Path) -> Path:
+    """What `to_hdf` writes: columns of one type side by side, their names elsewhere."""
+    with h5py.File(path, "w") as file:
+        group = file.create_group("events")
+        group.attrs["pandas_type"] = b"frame"
+        group["axis0"], group["block0_items"] = np.array([b"t", b"x", b"y", b"p"]), np.array([b"t", b"x", b"y", b"p"])
+        group["axis1"], group["block0_values"] = np.arange(len(VGA.t)), np.stack(VGA, axis=1)
+    return path
+
+
+def records_beside_others(path: Path) -> Path:
+    """Records of events, times in ms, and other arrays."""
+    records = np.zeros(len(VGA.t), [("x", "<u2"), ("y", "<u2"), ("t", "<f8"), ("p", "<u1"), ("label", "<u1")])
+    records["x"], records["y"], records["t"], records["p"] = VGA.x, VGA.y, VGA.t / 1000, VGA.p
+    return make.npz(path, ev=records, evs_norm=np.zeros((3, 3)), ev_loc=np.zeros((3, 3)))
+
+
+READ: dict[str, tuple[Write, Stated]] = {
+    # A column without a name, or two, that count the rows: was right.
+    f"{GITHUB}/pandas-dev/pandas/issues/10646": (lambda p: make.write(p, FRAME.to_csv().encode()), Stated()),
+    f"{GITHUB}/pandas-dev/pandas/issues/13017": (indexed_twice, Stated()),
+    # Some times with an exponent: was right.
+    f"{GITHUB}/pandas-dev/pandas/issues/2697": (
+        lines(lambda t, x, y, p: f"{t if t % 7 else format(float(t), '.6E')},{x},{y},{p}"),
+        Stated(),
+    ),
+    # A comma at the end of each line: was right.
+    f"{GITHUB}/pandas-dev/pandas/issues/27515": (lines(lambda t, x, y, p: f"{t},{x},{y},{p},"), Stated()),
+    # Dates, some without a fraction (whole seconds), with a zone or without: were refused, "not events".
+    f"{GITHUB}/pandas-dev/pandas/issues/62111": (dated("2025-08-14 12:34:56", "UTC"), Stated()),
+    f"{GITHUB}/Eventual-Inc/Daft/issues/5045": (dated("2024-01-01 23:59:59.75"), Stated()),
+    f"{GITHUB}/NVIDIA/cudf/issues/6227": (dated("1970-01-01"), Stated()),
+    "own variation: a clock that is put back by an hour, and words": (
+        dated("2025-10-26 00:59:59.8", "Europe/Berlin", "on"),
+        Stated(),
+    ),
+    "own variation: ISO 8601, no names": (
+        lines(lambda t, x, y, p: f"{np.datetime64('2024-01-01T00:00:00', 'us') + t}Z,{x},{y},{p}", "# events"),
+        Stated(),
+    ),
+    # Thousands parted by commas: was read as a decimal comma, times a thousand times too short, and refused for that.
+    f"{GITHUB}/pandas-dev/pandas/pull/65397": (lines(lambda t, x, y, p: f'"{t:,}",{x},{y},{p}'), Stated()),
+    "own variation: a decimal comma": (
+        lines(lambda t, x, y, p: f'"{t / 1000:.3f}",{x},{y},{p}'.replace(".", ","), "t_ms,x,y,p"),
+        Stated(),
+    ),
+    # Records beside other arrays, in ms, which are said to be us: was refused, "no column for t".
+    f"{GITHUB}/ChenYichen9527/EV-UAV/issues/19": (records_beside_others, Stated(time_unit="ms")),
+    # The newest event first: was right.
+    f"{GITHUB}/EventVisionLibrary/evl/issues/27": (
+        lambda p: make.text(p, make.Rows(*(column[::-1] for column in VGA)), "{t},{x},{y},{p}", "t,x,y,p"),
+        Stated(),
+    ),
+    # Seconds with more digits than a clock has: was right.
+    f"{GITHUB}/neuromorphs/tonic/issues/210": (
+        lines(lambda t, x, y, p: f"{t / 1e6:.6f}00000001,{x},{y},{p}"),
+        Stated(),
+    ),
+}
+
+REFUSED: dict[str, tuple[Write, str]] = {
+    # Feather: was refused, "the format is not recognised".
+    "own variation: to_feather": (feather, r"a Feather \(Arrow\) file"),
+    # A frame of to_hdf: was refused, "no events in a layout that is known".
+    f"{GITHUB}/cta-observatory/cta-lstchain/issues/220": (blocks, "pandas packed into blocks.*data_columns=True"),
+    # In ms, without being told so: was refused, "no column for t".
+    f"{GITHUB}/ChenYichen9527/EV-UAV/issues/19": (records_beside_others, "give --time-unit ms"),
+    # Rows that count from 240: was right.
+    f"{GITHUB}/neuromorphs/tonic/issues/94": (
+        lines(lambda t, x, y, p: f"{t},{x},{y + 240},{p}"),
+        "expected a sensor of at least 640x7[12]",
+    ),
+    "own variation: what is no date": (lines(lambda t, x, y, p: f"2025-13-01 25:00:00,{x},{y},{p}"), "are not events"),
+}
+
+
+@pytest.mark.parametrize("report", READ)
+def test_a_table_that_others_misread_is_read(report: str, tmp_path: Path) -> None:
+    write, stated = READ[report]
+    path = write(tmp_path / "events.bin")
+    assert import_recording([path], tmp_path / "out.h5", sensor=SensorSize(640, 480), stated=stated) is not None
+    with open_recording(tmp_path / "out.h5") as recording:
+        found = recording.cameras["camera"].slice(0, 10**9)
+    for name, column in zip(("t_us", "x_px", "y_px", "on"), VGA, strict=True):
+        np.testing.assert_array_equal(getattr(found, name), column, err_msg=name)
+
+
+@pytest.mark.parametrize("report", REFUSED)
+def test_a_table_that_cannot_be_read_is_refused_with_the_cause(report: str, tmp_path: Path) -> None:
+    write, said = REFUSED[report]
+    path = write(tmp_path / "events.bin")
+    with pytest.raises(RecordingError, match=said):
+        import_recording([path], tmp_path / "out.h5", sensor=SensorSize(640, 480))
+    assert not (tmp_path / "out.h5").exists()
