@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import _thread
 import errno
+import hashlib
 import json
 import multiprocessing
 import os
@@ -34,6 +35,8 @@ GIVES_UP_AFTER_S: Final = 10.0
 """A child that was told of its parent's end has as long to tidy up."""
 PREFIX: Final = ".unfinished-"
 """Prefix of folders for unfinished results: hidden, and beside their final place."""
+LONGEST_NAME_BYTES: Final = 255
+"""Of a file on the usual file systems."""
 _LOCK: Final = ".lock"
 _ATTEMPTS: Final = 100
 _held: dict[Path, int] = {}
@@ -67,6 +70,21 @@ def replacing(path: Path, *, durable: bool, partial: Path | None = None) -> Iter
     finally:
         if folder is not None:
             end_unfinished(folder)
+
+
+def beside(path: Path, start: str, ending: str) -> Path:
+    """The file beside another that is called as that one between a start and an ending, in at most 255 bytes.
+
+    Of a name that would be too long, a hash of it stands for its last letters: two long names stay two.
+    """
+    name = os.fsencode(path.name)
+    room = LONGEST_NAME_BYTES - len(os.fsencode(start + ending))
+    if len(name) > room:
+        mark = hashlib.sha256(name).hexdigest()[:16]
+        # Letters are not cut in two: some file systems refuse bytes that are no text.
+        kept = name[: room - len(mark) - 1].decode("utf-8", "ignore").encode()
+        name = kept + b"~" + mark.encode()
+    return path.with_name(start + os.fsdecode(name) + ending)
 
 
 def begin_unfinished(parent: Path) -> Path:

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from app.cli import main
-from core.recordings import import_recording
+from core.files import LONGEST_NAME_BYTES, beside
+from core.recordings import import_recording, open_recording
 from tests.app.shared.event_files import write_csv
 
 ODD = "b\udcff\u4e2d\u00e9"
@@ -71,3 +72,23 @@ def test_a_terminal_of_any_encoding_shows_what_a_recording_holds(encoding: str, 
     monkeypatch.chdir(folder)
     code, out, _ = call(monkeypatch, encoding, ["info", f"{ODD}.h5"])
     assert code == 0 and "microseconds are assumed" in out
+
+
+@pytest.mark.parametrize("letter", ["e", "\u00e4", "\u7403"])
+def test_a_recording_has_the_longest_name_that_there_is(letter: str, folder: Path, tmp_path: Path) -> None:
+    """bmad-code-org/bmad-loop#595: the name of the unfinished file was longer than any name may be."""
+    free = LONGEST_NAME_BYTES - len(".h5")
+    out = tmp_path / f"{letter * (free // len(letter.encode()))}{'-' * (free % len(letter.encode()))}.h5"
+    import_recording([folder / f"{ODD}.csv"], out)
+    with open_recording(out) as recording:
+        assert len(recording.cameras["camera"].slice(0, 10**9)) > 0
+    assert [path.name for path in tmp_path.iterdir()] == [out.name]
+
+
+def test_a_name_beside_another_is_shortened_only_where_it_must_be(tmp_path: Path) -> None:
+    assert beside(tmp_path / "a.h5", ".", ".part") == tmp_path / ".a.h5.part"
+    whole = tmp_path / ("e" * 248 + ".h5")
+    assert beside(whole, "", ".log") == tmp_path / ("e" * 248 + ".h5.log")
+    names = [beside(tmp_path / f"{chr(0x7403) * 83}{k}.h5", ".", ".part").name for k in (1, 2)]
+    assert len(set(names)) == 2 and all(len(name.encode()) <= LONGEST_NAME_BYTES for name in names)
+    assert all(name.startswith("." + chr(0x7403) * 70) and name.endswith(".part") for name in names)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import RecordingError
-from core.files import POSIX, replacing
+from core.files import POSIX, beside, replacing
 from core.recordings import layout
 from core.recordings.blocks import CHUNK_EVENTS, GZIP_LEVEL, pack_column, unpack_column
 from core.recordings.hdf5 import HDF5_ERRORS
@@ -45,7 +45,7 @@ def assemble(
         if contents.gaps and indices is not None:  # damaged while it was written
             contents, indices = read_contents(log, path, check=True), None
         _check_space(target.parent, contents)
-        partial = target.with_name(f".{target.name}.assembling")
+        partial = beside(target, ".", ".assembling")
         try:
             if indices is None:
                 indices = {name: _index(log, blocks) for name, blocks in contents.blocks.items()}
@@ -81,7 +81,7 @@ def _unpack(log: BinaryIO, block: EventBlock, column: int) -> NDArray:
 def _keep_log(path: Path) -> Path:
     """Give a damaged log a second name beside its own, which is taken over by what was recovered."""
     for number in itertools.count(1):
-        kept = path.with_name(f"{path.name}.damaged-log{'' if number == 1 else f'-{number}'}")
+        kept = beside(path, "", f".damaged-log{'' if number == 1 else f'-{number}'}")
         if kept.exists():
             if kept.samefile(path):  # by an opening that was killed, or failed
                 return kept
