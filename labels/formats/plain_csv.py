@@ -7,6 +7,7 @@ import io
 from pathlib import Path
 
 from core.errors import LabelError
+from labels.formats.deeplabcut import is_deeplabcut, read_deeplabcut
 from labels.formats.exchange import (
     Collector,
     Exported,
@@ -52,6 +53,9 @@ def _read_file(text: str, file: Path, context: ImportContext, collector: Collect
     rows = table_rows(text, file, collector)
     _, names = next(rows, (1, []))
     header = [name.strip() for name in names]
+    if is_deeplabcut(header):
+        read_deeplabcut(header, rows, file, context, collector)
+        return
     if "state" not in header and (columns := track_columns([name.lower() for name in header])) is not None:
         read_track(list(rows), columns, file, context, collector)
         return

@@ -308,6 +308,39 @@ REPORTS = [
     ),
 ]
 
+DLC = "scorer,Mona,Mona,Mona,Mona\nbodyparts,ball,ball,head,head\ncoords,x,y,x,y\n"
+ROW = "639.5,179.5,1,1\n"
+ANALYSED = "scorer,R,R,R\nbodyparts,ball,ball,ball\ncoords,x,y,likelihood\n0,1,2,0.01\n1,639.5,179.5,0.99\n"
+DEEPLABCUT = [
+    ("issues/486", DLC + f"labeled-data/moth/frame_000001.png,{ROW}labeled-data/moth/frame_000002.png,,,2,2\n", ""),
+    (
+        "pull/1769: the name in three columns",
+        f"{DLC.replace(',', ',,,', 1).replace('bodyparts,', 'bodyparts,,,').replace('coords,', 'coords,,,')}"
+        f"labeled-data,moth,frame_000001.png,{ROW}",
+        "",
+    ),
+    ("issues/1361: found in a video", ANALYSED, "1 positions of a likelihood below 0.6"),
+    (
+        "issues/3024: individuals",
+        DLC.replace("bodyparts", "individuals,single,single,rat,rat\nbodyparts") + f"frame_000001.png,{ROW}",
+        "",
+    ),
+]
+"""Read since: were refused as `not a label table`."""
+
+
+@pytest.mark.parametrize(("report", "text", "said"), DEEPLABCUT, ids=lambda value: value[:12])
+def test_tables_of_deeplabcut_are_read(report: str, text: str, said: str, tmp_path: Path) -> None:
+    made = import_files(tmp_path, "csv", {"CollectedData_Mona.csv": text})
+    assert made.rows == [pytest.approx(AT)] and said in made.said, report
+
+
+@pytest.mark.parametrize(("flags", "rows"), [((), []), (("--ball-class", "nose"), [(10_000, "visible", 639.5, 179.5)])])
+def test_the_ball_of_deeplabcut_is_named(flags: tuple[str, ...], rows: list[Row], tmp_path: Path) -> None:
+    made = import_files(tmp_path, "csv", {"a.csv": DLC.replace("ball", "nose") + f"frame_000001.png,{ROW}"}, *flags)
+    assert made.rows == [pytest.approx(row) for row in rows]
+    assert flags or "no body parts are called 'ball'; expected one, got nose, head" in made.said
+
 
 @pytest.mark.parametrize("report", REPORTS, ids=lambda report: "-".join(report.link.split("/")[3:]))
 def test_what_was_reported_is_read_right_or_refused(report: Report, tmp_path: Path) -> None:
