@@ -22,7 +22,7 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
-from core.text import parse_json
+from core.text import encodable, parse_json
 
 try:
     import fcntl
@@ -85,6 +85,18 @@ def beside(path: Path, start: str, ending: str) -> Path:
         kept = name[: room - len(mark) - 1].decode("utf-8", "ignore").encode()
         name = kept + b"~" + mark.encode()
     return path.with_name(start + os.fsdecode(name) + ending)
+
+
+@contextmanager
+def utf8_path(path: Path) -> Iterator[Path]:
+    """The path, or a link to it where it is not UTF-8: the libraries of Rerun and of ROS bags take no other."""
+    if encodable(str(path)) == str(path):
+        yield path
+        return
+    with tempfile.TemporaryDirectory(prefix="rallyscope-") as place:
+        link = Path(place) / f"link{path.suffix if path.suffix.isascii() else ''}"
+        link.symlink_to(path.absolute(), target_is_directory=path.is_dir())
+        yield link
 
 
 def begin_unfinished(parent: Path) -> Path:

@@ -74,6 +74,37 @@ def test_a_terminal_of_any_encoding_shows_what_a_recording_holds(encoding: str, 
     assert code == 0 and "microseconds are assumed" in out
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        "import @ a.h5",
+        "import @/bag b.h5",
+        "info @/bag/bag.db3",
+        "export @/in.h5 --rrd @/x.rrd",
+        "export @/in.h5 --mcap @/x.mcap",
+        "export @/in.h5 --rosbag @/again",
+        "labels import @/yolo @/in.h5 --format yolo --annotator a --data @/data --frame-times times.csv",
+        "detect @/in.h5 --out @/d.csv",
+    ],
+)
+def test_folders_whose_names_are_no_text_are_read_and_written(command: str, tmp_path: Path, monkeypatch) -> None:
+    """Rerun and the library of ROS bags take no path that is not UTF-8."""
+    monkeypatch.chdir(tmp_path)
+    labels = tmp_path / ODD / "yolo" / "labels"
+    labels.mkdir(parents=True)
+    (labels.parent / "classes.txt").write_text("ball\n")
+    (labels / "frame_000001.txt").write_text("0 0.5 0.5 0.1 0.1\n")
+    (tmp_path / "times.csv").write_text("t_us\n0\n2000\n")
+    write_csv(tmp_path / ODD / "left.csv", 20)
+    import_recording([tmp_path / ODD / "left.csv"], tmp_path / "in.h5")
+    assert main(["export", "in.h5", "--rosbag", "bag"]) == 0
+    if "bag" in command:
+        (tmp_path / "bag").rename(tmp_path / ODD / "bag")
+    (tmp_path / "in.h5").rename(tmp_path / ODD / "in.h5" if "in.h5" in command else tmp_path / "other.h5")
+    code, _, error = call(monkeypatch, "utf-8", command.replace("@", ODD).split(" "))
+    assert code == 0, error
+
+
 @pytest.mark.parametrize("letter", ["e", "\u00e4", "\u7403"])
 def test_a_recording_has_the_longest_name_that_there_is(letter: str, folder: Path, tmp_path: Path) -> None:
     """bmad-code-org/bmad-loop#595: the name of the unfinished file was longer than any name may be."""

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from app.export.unfinished import Cancelled, check_cancelled, unfinished_file
 from core.errors import RecordingError
+from core.files import utf8_path
 from core.text import encodable
 
 TIMELINE: Final = "recording_time"
@@ -81,8 +82,8 @@ def rerun_file(
         CommandError: if the file exists and `overwrite` is not set, or it cannot be written.
         ExportCancelledError: if `cancelled()` is true.
     """
-    with unfinished_file(path, overwrite=overwrite) as unfinished:
-        raw = unfinished.with_name("raw.rrd")
+    with unfinished_file(path, overwrite=overwrite) as unfinished, utf8_path(unfinished.parent) as folder:
+        raw = folder / "raw.rrd"
         stream = rr.RecordingStream(APPLICATION, recording_id=recording_id)
         stream.save(raw, default_blueprint=blueprint)
         try:

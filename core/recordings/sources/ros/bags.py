@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 
 from core.errors import RecordingError
+from core.files import utf8_path
 from core.recordings.sources.ros.cut_bags import is_cut_db3, scan_db3, scan_ros1
 
 if TYPE_CHECKING:
@@ -104,6 +105,7 @@ def _rosbags_reader(path: Path, kind: str, stack: ExitStack) -> Reader1 | Reader
     from rosbags.rosbag2 import Reader as Reader2
     from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
+    path = stack.enter_context(utf8_path(path))
     if kind == "ROS 1":
         return stack.enter_context(Reader1(path))
     reader = Reader2(path if path.suffix == ".db3" or path.is_dir() else _named_db3(path, stack))
