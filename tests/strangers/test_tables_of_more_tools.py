@@ -116,6 +116,11 @@ REFUSED: dict[str, tuple[Write, str]] = {
     "own variation: to_feather": (feather, r"a Feather \(Arrow\) file"),
     # A frame of to_hdf: was refused, "no events in a layout that is known".
     f"{GITHUB}/cta-observatory/cta-lstchain/issues/220": (blocks, "pandas packed into blocks.*data_columns=True"),
+    # Histograms made of events, which Prophesee calls precomputed: was right.
+    f"{GITHUB}/prophesee-ai/prophesee-automotive-dataset-toolbox/issues/33": (
+        lambda p: make.hdf5(p, {"data": np.zeros((3, 2, 48, 64), np.uint8)}, delta_t=50_000, mode="histo"),
+        "no events in a layout that is known; got an HDF5 file of data",
+    ),
     # In ms, without being told so: was refused, "no column for t".
     f"{GITHUB}/ChenYichen9527/EV-UAV/issues/19": (records_beside_others, "give --time-unit ms"),
     # Rows that count from 240: was right.
