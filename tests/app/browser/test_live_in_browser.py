@@ -243,7 +243,8 @@ def tune_and_the_flat_pictures_work_on_the_live_rally(live_window) -> None:
     eventually(lambda: live_window.session.sheet.pictures, "the picture of Tune")
     assert live_window.state.recording == LIVE
     live_window.session.send(SetMethod("refined"))
-    live_window.page.get_by_text("refined has processed the 60 windows before").wait_for()
+    live_window.page.get_by_role("button", name="edge points").wait_for()
+    live_window.page.get_by_text(re.compile("^(ball at|no ball)")).first.wait_for()
     live_window.page.get_by_text("Compare methods", exact=True).click()
     live_window.press("Compare over time")
     live_window.page.get_by_text("against the truth").wait_for()
