@@ -36,7 +36,7 @@ GIVES_UP_AFTER_S: Final = 10.0
 PREFIX: Final = ".unfinished-"
 """Prefix of folders for unfinished results: hidden, and beside their final place."""
 LONGEST_NAME_BYTES: Final = 255
-"""Of a file on the usual file systems."""
+"""Longest name of a file on the usual file systems, bytes."""
 _LOCK: Final = ".lock"
 _ATTEMPTS: Final = 100
 _held: dict[Path, int] = {}
