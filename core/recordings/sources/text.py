@@ -168,7 +168,7 @@ def _is_index(name: str) -> bool:
 
 
 def _unit(layout: _Layout, places: dict[str, int], name: str) -> str | None:
-    """Column of times: dates become microseconds since 1970, which a float64 holds exactly."""
+    """Unit of the times: dates become microseconds since 1970, which a float64 holds exactly."""
     return "us" if layout.dates == places["t"] else unit_of_name(name)
 
 
