@@ -205,7 +205,7 @@ import_recording([Path(sys.argv[1])], Path(sys.argv[2]), progress=tick)
 
 @pytest.mark.parametrize("packets", [3, 17, 30])
 def test_an_import_that_is_killed_loses_nothing_that_was_flushed(tmp_path, make_events, write_foreign, packets):
-    events = make_events(300_000, seed=3, duration_us=900_000, sensor=SENSOR)
+    events = make_events(600_000, seed=3, duration_us=900_000, sensor=SENSOR)
     source = write_foreign("dat", tmp_path / "events", events)
     target = tmp_path / "a.h5"
     process = subprocess.Popen(
@@ -220,12 +220,13 @@ def test_an_import_that_is_killed_loses_nothing_that_was_flushed(tmp_path, make_
         said.append(process.stdout.readline())
         process.stdin.write("\n")
         process.stdin.flush()
+    assert process.poll() is None
     process.kill()  # at its work on the packet after these
     said += process.stdout.readlines()
     process.wait()
     with open_recording(target) as recording:
         camera = recording.cameras["camera"]
-        flushed = min(8192 * len(said), len(events))  # each block is flushed before its progress
+        flushed = min(8192 * len(said), len(events))  # a block or more, flushed before its progress
         assert camera.event_count >= flushed
         found = camera.slice(0, 10**6)
         np.testing.assert_array_equal(found.t_us, events.t_us[: len(found)])
