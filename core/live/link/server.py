@@ -263,12 +263,12 @@ class SimulationServer:
     def _turn(self) -> None:
         """One block, or a short wait for commands while paused. A block is computed while it lasts."""
         self._hear_of_subscribers()
+        self._take_commands(self._clock())  # before the look at the pause: one that is answered here begins no block
         if not self.attended or (self._paused and not self._steps):
             self._take_commands(self._clock() + HEARTBEAT_S / 2)
             self._beat()
             self._anchor()
             return
-        self._take_commands(self._clock())
         self._serve_by_itself()
         session, began_s = self._session, self._clock()
         block = self._world.advance()

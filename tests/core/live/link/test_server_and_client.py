@@ -163,13 +163,13 @@ def test_the_same_seed_gives_the_same_session_again(client):
     def session() -> list[bytes]:
         ear = Ear()
         client.pause()
-        client.reset(5)
+        begun = client.reset(5).session
         client.add_listener(ear)
         client.serve(6.0)
         client.step(12)
-        eventually(lambda: ear.states and ear.states[-1].t_us == 120_000, "the twelfth block")
+        eventually(lambda: (begun, 120_000) in [(state.session, state.t_us) for state in ear.states], "the twelfth block")
         client.remove_listener(ear)
-        return [batch.x_px.tobytes() for batch in ear.batches if batch.session == ear.states[-1].session]
+        return [batch.x_px.tobytes() for batch in ear.batches if batch.session == begun]
 
     first = session()
     assert len(first) == 24
@@ -189,6 +189,27 @@ def test_pause_and_single_step(client):
     eventually(lambda: ear.states and ear.states[-1].t_us == t_us + 30_000, "the third block")
     client.resume()
     eventually(lambda: ear.states[-1].t_us > t_us + 50_000, "it to run again")
+
+
+def test_no_block_is_begun_after_a_pause_is_answered():
+    server = WatchedServer(ServerConfig(), stereo_preset("side", SensorSize(64, 48)), "tcp://127.0.0.1:0")
+    host, port = server.address.rsplit(":", 1)
+    with zmq.Context() as context, context.socket(zmq.DEALER) as socket:
+        socket.setsockopt(zmq.LINGER, 0)
+        socket.connect(f"{host}:{int(port) + 1}")
+        commands = iter((m.Resume(id=1), m.Pause(id=2)))
+        blocks_before_turn = []
+
+        def ended() -> bool:
+            """Between two turns: the next command is there before the turn begins."""
+            blocks_before_turn.append(len(server.published))
+            if (command := next(commands, None)) is not None:
+                socket.send(m.encode(command))
+                assert server._commands.poll(1e3 * PATIENCE_S)
+            return len(blocks_before_turn) == 4
+
+        server.run(ended)
+    assert blocks_before_turn == [0, 1, 1, 1]
 
 
 @pytest.mark.parametrize("speed", [1.0, 0.1])
