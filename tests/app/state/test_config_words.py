@@ -1,6 +1,6 @@
 """What is changed from the default, over all methods, and how it is named."""
 
-from app.modes.tune.auto_tune import loses_config
+from app.modes.tune.auto_tune import loses_config, trial_words
 from app.state.client_state import ClientState, Configs, History, Playhead
 from app.state.commands import CopyToOther, EditSetting, ResetAllConfigs, ResetConfig, SetMethod, SetSlot, Undo
 from app.state.config_words import ShowChangedConfig, changed_configs, changed_words, settings_words
@@ -54,6 +54,11 @@ def test_settings_of_other_methods_are_not_named() -> None:
     state = after(fresh(), *CHANGES)
     assert settings_words("auto", state.history_of("auto").present.a) == "cluster.eps_px 4, localise.radius_max_px 20"
     assert settings_words("refined", state.history_of("ebpp").present.a) != "cluster.eps_px 4"
+
+
+def test_a_running_search_says_which_trial_it_is_at_and_the_best_so_far() -> None:
+    assert trial_words("12 of 24 trials, best 0.9560") == "trial 12 of 24, best 0.9560"
+    assert trial_words("1 of 24 trials") == "trial 1 of 24"
 
 
 def test_a_search_asks_before_it_replaces_a_b_that_somebody_made() -> None:
