@@ -87,3 +87,27 @@ def test_a_reader_that_does_not_fit_is_refused(given: dict, said: str) -> None:
     with forgotten_afterwards(), pytest.raises(PluginError, match=said):
         register_reader(whole.pop("name"), **whole)
     assert "new" not in READERS
+
+
+@pytest.mark.parametrize(
+    ("name", "head", "kind"),
+    [
+        ("a.aedat", b"#!AER-DAT2.0\r\n", "AEDAT"),
+        ("a.aedat", b"#!AER-DAT3.1\r\n", "AEDAT"),
+        ("a.aedat4", b"#!AER-DAT4.0\r\n", "AEDAT"),
+        ("a.mat", b"MATLAB 5.0 MAT-file", "MATLAB"),
+        ("a", b"Event Stream\x02\x00\x00", "Event Stream"),
+        ("a.raw", b"% evt 2.1\n% end\n\x00", "Prophesee EVT2.1"),
+        ("a.DAT", b"% Data file containing CD events.\n% Version 2\n\x0c\x08", "Prophesee DAT"),
+        ("a.npz", b"PK\x03\x04", "NumPy"),
+        ("a.zip", b"PK\x03\x04", None),
+        ("a.db3", b"SQLite format 3\x00", "bag of ROS"),
+        ("labels.sqlite", b"SQLite format 3\x00", None),
+        ("notes.txt", b"t,x,y,p\n", None),
+        ("a.csv", b"", None),
+    ],
+)
+def test_lists_know_every_format_that_is_opened(tmp_path: Path, name: str, head: bytes, kind: str | None) -> None:
+    path = tmp_path / name
+    path.write_bytes(head)
+    assert kind_of(path) == kind
