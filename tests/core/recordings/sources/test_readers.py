@@ -49,6 +49,18 @@ def test_a_file_that_is_cut_off_gives_what_is_there(plugins: Path, tmp_path: Pat
             open_recording(path)
 
 
+def test_an_odd_address_in_a_file_of_the_example_costs_itself_as_in_ours(plugins: Path, tmp_path: Path) -> None:
+    path = write_evb(tmp_path / "events.evb", 1000)
+    data = bytearray(path.read_bytes())
+    data[8 + 16 * 500 + 8 : 8 + 16 * 500 + 10] = b"\xff\x0f"
+    path.write_bytes(data)
+    with forgotten_afterwards():
+        use_plugins([plugins / "binary_reader.py"])
+        with open_recording(path) as recording:
+            assert recording.cameras["camera"].event_count == 999
+            assert any("1 " in note and "sensor" in note for note in recording.notes), recording.notes
+
+
 def write_other(path: Path) -> Path:
     path.write_bytes(b"\x00\x01\x02 nothing that anybody knows")
     return path
