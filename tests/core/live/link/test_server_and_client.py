@@ -214,14 +214,18 @@ def test_pause_and_single_step(client):
     eventually(lambda: ear.states[-1].t_us > t_us + 50_000, "it to run again")
 
 
-def test_no_block_is_begun_after_a_pause_is_answered():
+@pytest.mark.parametrize(
+    ("commands", "blocks"),
+    [((m.Resume(id=1), m.Pause(id=2)), [0, 1, 1, 1]), ((m.SingleStep(id=1, blocks=5), m.Reset(id=2)), [0, 1, 0, 0])],
+    ids=["a pause", "a reset while it is stepped"],
+)
+def test_no_block_is_begun_after_this_is_answered(commands, blocks):
     server = WatchedServer(ServerConfig(), stereo_preset("side", SensorSize(64, 48)), "tcp://127.0.0.1:0")
     host, port = server.address.rsplit(":", 1)
     with zmq.Context() as context, context.socket(zmq.DEALER) as socket:
         socket.setsockopt(zmq.LINGER, 0)
         socket.connect(f"{host}:{int(port) + 1}")
-        commands = iter((m.Resume(id=1), m.Pause(id=2)))
-        blocks_before_turn = []
+        commands, blocks_before_turn = iter(commands), []
 
         def ended() -> bool:
             """Between two turns: the next command is there before the turn begins."""
@@ -232,7 +236,7 @@ def test_no_block_is_begun_after_a_pause_is_answered():
             return len(blocks_before_turn) == 4
 
         server.run(ended)
-    assert blocks_before_turn == [0, 1, 1, 1]
+    assert blocks_before_turn == blocks
 
 
 @pytest.mark.parametrize("speed", [1.0, 0.1])
