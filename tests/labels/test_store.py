@@ -16,6 +16,7 @@ from core.errors import LabelError
 from labels.model import Label, LabelState, PositionSource, Provenance
 from labels.store import LabelStore, Layer, find_annotators, find_layers
 from labels.store_registry import LabelStoreRegistry
+from tests.waiting import PATIENCE_S
 
 UUID = "9f3c-1"
 
@@ -262,8 +263,10 @@ def test_a_layer_needs_all_its_names(tmp_path: Path, names: tuple[str, str, str]
 WRITE = """
 import sys
 from pathlib import Path
+from labels.database import connection
 from labels.store import LabelStore
 from labels.model import Label, LabelState
+connection.WAITS_S = float(sys.argv[4])
 name, count = sys.argv[2], int(sys.argv[3])
 with LabelStore.open(Path(sys.argv[1]), "9f3c-1", "left", name) as store:
     for k in range(count):
@@ -275,10 +278,8 @@ with LabelStore.open(Path(sys.argv[1]), "9f3c-1", "left", name) as store:
 @pytest.mark.gate
 def test_eight_annotators_in_processes_of_their_own_write_at_once_and_none_is_lost_or_doubled(tmp_path: Path) -> None:
     names, count = [f"annotator {k}" for k in range(8)], 40
-    writers = [
-        subprocess.Popen([sys.executable, "-c", WRITE, str(tmp_path), name, str(count)], stdout=subprocess.PIPE)
-        for name in names
-    ]
+    arguments = [(str(tmp_path), name, str(count), str(PATIENCE_S)) for name in names]  # however busy the disk is
+    writers = [subprocess.Popen([sys.executable, "-c", WRITE, *one], stdout=subprocess.PIPE) for one in arguments]
     assert [int(writer.communicate()[0]) for writer in writers] == [count] * 8
     assert [layer.annotator for layer in find_layers(tmp_path)] == names
     for name in names:
