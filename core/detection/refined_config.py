@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
 from core.config import check_settings, setting
 
@@ -19,6 +20,10 @@ class RefinedConfig:
     """Slowest ball."""
     speed_max_px_per_ms: float = setting(25.0, 0.5, 100.0, step=0.5, stage="candidates")
     """Fastest ball."""
+    edge: Literal["sharp", "soft"] = field(default="sharp", metadata={"stage": "edge points"})
+    """sharp: the ball has a rim, whose first and last events are fitted. soft: a glow, or a ball out of focus, whose
+    light falls off over a good part of its radius: all events of the disc are fitted by place and polarity. What the
+    limits of a fit then compare is in docs/how/detector.md."""
     motion_px: float = setting(3.5, 1.0, 12.0, step=0.5, stage="edge points")
     """History of a fit, in pixels of the ball's motion: enough for both edges to cross whole pixels."""
     history_min_us: int = setting(2000, 500, 20_000, step=100, stage="edge points")
@@ -32,7 +37,7 @@ class RefinedConfig:
     below only by the error of a fit."""
     stretch_max_ms: float = setting(2.5, 0.5, 20.0, step=0.1, stage="fit")
     """Largest edge latency. It was 0.4 to 2 ms on drawn sensors; a slow photoreceptor has more."""
-    residual_px: float = setting(0.55, 0.1, 3.0, step=0.05, stage="fit")
+    residual_px: float = setting(0.55, 0.1, 6.0, step=0.05, stage="fit")
     """Largest root mean square distance of the edge points from the circle, robustly weighted."""
     coverage_min: float = setting(0.55, 0.1, 1.0, step=0.05, stage="fit")
     """Smallest share of the circle's sectors with edge points."""

@@ -20,6 +20,7 @@ from core.detection.refined.history import EventHistory
 from core.detection.refined.patch import MovingCircle
 from core.detection.refined.refined_trace import RefinedTrace, TraceRecorder
 from core.detection.refined.search import LONG_AGO_US, SPANS_US, blank_blobs, blank_maps, find_blobs, take_events
+from core.detection.refined.soft_fit import fit_soft
 from core.detection.refined.track import BallTrack, fit_limits, fit_values, is_within
 from core.detection.refined.view import view_of
 from core.detection.refined_config import RefinedConfig
@@ -30,6 +31,11 @@ USUAL: Final = 0.5
 """Share of the fit's own variance that is usual: points are better than their spread says, but err alike."""
 SHADE: Final = (0.004, 0.01)
 """Systematic error across and down the picture, in radii: light from above leaves the lower rim pale."""
+
+
+SOFT_USUAL: Final = 7.0
+"""Variance of a soft ball's centre over the fit's own, in which successive windows share most of their events: the mean
+over the planet of `bench planet`, 6.6 to 6.9 in its two parts."""
 
 
 def observed_covariance(fitted: NDArray[np.float64], ball: MovingCircle, quality: Quality) -> NDArray[np.float64]:
@@ -161,7 +167,10 @@ class RefinedDetector:
             return None
         self._learn_stretch(ball.ball)
         u, v, vu, vv, r, stretch_ms, *_ = ball.ball
-        seen = observed_covariance(ball.covariance, ball.ball, ball.quality)
+        if self.config.edge == "soft":
+            seen = SOFT_USUAL * ball.covariance[:5, :5]
+        else:
+            seen = observed_covariance(ball.covariance, ball.ball, ball.quality)
         return RefinedDetection(end_us - self.config.delay_us, u, v, r, vu, vv, stretch_ms, seen, ball.quality)
 
     def why_not(self) -> tuple[Reason, ...]:
@@ -257,7 +266,10 @@ class RefinedDetector:
         """Fit from the start in `self._work.fit`; None if it cannot be a ball."""
         if self._recorder is not None:
             self._recorder.begin_fit(self._work.fit, reach)
-        fitted = fit_ball(self._recent, self._work, end_us, reach, band_px, rounds)
+        if self.config.edge == "soft":
+            fitted = fit_soft(self._recent, self._work, end_us, reach, rounds)
+        else:
+            fitted = fit_ball(self._recent, self._work, end_us, reach, band_px, rounds)
         if not fitted:
             self._refuse(Attempt(origin, points=int(self._work.counts[0])))
             return None

@@ -91,7 +91,8 @@ class BallTrack:
         self.bend = self._bend_with(ball, 1e-3 * (end_us - self.end_us))
         self.end_us, self.ball, self.covariance, self.quality = end_us, ball, covariance, quality
         self.fits += 1
-        self.evidence = REMEMBERED * self.evidence + evidence_of(quality)
+        fresh = evidence_of(quality) if self.config.edge == "sharp" else soft_evidence(quality, self.config)
+        self.evidence = REMEMBERED * self.evidence + fresh
         self.brighter += FRESH * (quality.brighter - self.brighter)
         self.contrast += FRESH * (quality.contrast - self.contrast)
         self.coverage += FRESH * (quality.coverage - self.coverage)
@@ -161,6 +162,20 @@ def evidence_of(quality: Quality) -> float:
     badness = quality.residual_px / 0.4 + quality.stray / 0.4 + inside / 0.15 + mixed
     virtue = quality.fill + quality.coverage
     return min(max(1.2 - badness + virtue, -1.0), 1.0)
+
+
+def soft_evidence(quality: Quality, config: RefinedConfig) -> float:
+    """Evidence of a fit for a ball without a sharp rim: its flaws as shares of their limits, its coverage against them.
+
+    How soft a ball is differs from one to the next, so that here the settings say what is much.
+    """
+    flaws = (
+        quality.residual_px / config.residual_px
+        + quality.stray / max(config.stray_max, 0.01)
+        + quality.inside / max(config.inside_max, 0.01)
+        + 0.4 * (1.0 - abs(quality.brighter))
+    )
+    return min(max(1.2 - flaws + quality.coverage, -1.0), 1.0)
 
 
 def fit_limits(config: RefinedConfig) -> tuple[Limit, ...]:
