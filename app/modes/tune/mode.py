@@ -217,15 +217,16 @@ class TuneMode:
                 self._results.candidates.show_verdicts(tuple(zip(names, answer.found, strict=True)), answer.seconds)
 
     def _sample_for(self, request: TuneRequest | MethodsRequest, answer: PictureAnswer) -> SampleRequest | None:
-        """What to sample of the recording after a window without a ball; a live one grows and is not sampled."""
+        """What to sample of the recording after a window without a ball."""
         state, recording = self._host.state, self._host.recording
-        if not isinstance(request, TuneRequest) or state is None or recording is None or state.playhead.live:
+        if not isinstance(request, TuneRequest) or state is None or recording is None:
             return None
         if any(found.detection is not None for found in answer.found):
             return None
         stream, method = request.stream, request.view.method
         key = (recording.uuid, stream.name, method, state.config_of(method))
-        return SampleRequest(key, stream, method, {name: state.config_of(name) for name in METHODS})
+        configs: dict[Method, DetectorConfig] = {name: state.config_of(name) for name in METHODS}
+        return SampleRequest(key, stream, method, configs, state.playhead.live)
 
     # Config files -------------------------------------------------------------------------------------------------
 

@@ -217,7 +217,7 @@ def candidates_html(name: str, trace: MethodTrace, picked: int | None = None, *,
     verdict = _verdict(trace.detection)
     ordered = sorted(trace.candidates, key=lambda one: (one.label != picked, bool(one.reasons), -one.order))
     titles = ("", trace.noun, *trace.titles, "verdict")
-    head = table_row(titles, f"{CELL};text-align:left;font-weight:500;color:{theme.MUTED}", tag="th")
+    head = table_row(titles, f"{CELL};padding-right:6px;text-align:left;font-weight:500;color:{theme.MUTED}", tag="th")
     rows = "".join(_candidate_row(candidate, candidate.label == picked) for candidate in ordered[:LISTED])
     more = f"<div>and {len(ordered) - LISTED} more</div>" if len(ordered) > LISTED else ""
     label = f"{html_text(name)}: " if name else ""
@@ -228,7 +228,8 @@ def candidates_html(name: str, trace: MethodTrace, picked: int | None = None, *,
     shown = next((one for one in ordered if one.residuals is not None), None)
     plot = residuals_html(trace.noun, shown.label, shown.residuals) if shown is not None and shown.residuals else ""
     table = f"<table style='width:100%;border-spacing:0'>{head}{rows}</table>"
-    return f"<div style='{TIGHT}'>{summary}{table}{more}{plot}</div>"
+    rows_html = f"<div style='flex:1;min-width:0'>{summary}{table}{more}</div>"
+    return f"<div style='{TIGHT};display:flex;gap:12px'>{rows_html}{plot}</div>"
 
 
 def reasons_html(reasons: Sequence[Reason | ReasonCount]) -> str:
@@ -257,8 +258,8 @@ def _candidate_row(candidate: CandidateRow, picked: bool) -> str:
     return table_row(cells, CELL, row_style="background:rgba(255,140,40,0.25)" if picked else "")
 
 
-PLOT_PX: Final = (420, 74)
-"""Width and height of the plot of residuals."""
+PLOT_PX: Final = (250, 70)
+"""Width and height of the plot of residuals: with its title it is as high as the rows of the panel."""
 PLOT_SPAN_PX: Final = 2.5
 """Residual at its upper edge: the width of the band of edge points."""
 PLOTTED: Final = 400
@@ -266,7 +267,10 @@ PLOTTED: Final = 400
 
 
 def residuals_html(noun: str, label: int, residuals: Residuals) -> str:
-    """A small plot of the edge points' distances from the circle over their direction, and the limit of their rms."""
+    """A small plot of the edge points' distances from the circle over their direction, and the limit of their rms.
+
+    It stays beside the rows while they scroll: below them it was out of sight in a window of 720 px.
+    """
     width, height = PLOT_PX
     every = max(1, len(residuals.angle_rad) // PLOTTED)
     x = (residuals.angle_rad[::every] / (2 * np.pi) + 0.5) * width
@@ -284,13 +288,15 @@ def residuals_html(noun: str, label: int, residuals: Residuals) -> str:
             ((0.5 + residuals.limit_px / PLOT_SPAN_PX / 2) * height, "3 3"),
         )
     )
-    text = (
-        f"residuals of {noun} {label} [±{PLOT_SPAN_PX:g} px] over the direction from its motion, -180° to 180°; "
+    legend = (
+        "distance of the edge points from the circle, over their direction from its motion, -180° to 180°; "
         "green leading, blue trailing edge, red outliers; dashed: the limit of their rms"
     )
     return (
-        f"<div style='color:{theme.MUTED}'>{text}</div><svg width='{width}' height='{height}' role='img' "
-        f"aria-label='residuals'>{limits}{dots}</svg>"
+        f"<div style='flex:none;position:sticky;top:0;align-self:flex-start;width:{width}px' title='{legend}'>"
+        f"<div style='color:{theme.MUTED};font-size:11px'>residuals of {noun} {label}, ±{PLOT_SPAN_PX:g} px, "
+        f"-180° to 180°</div><svg width='{width}' height='{height}' role='img' "
+        f"aria-label='residuals: {legend}' style='display:block'>{limits}{dots}</svg></div>"
     )
 
 

@@ -29,12 +29,8 @@ BEND_PX: Final = 3.5
 """Accelerations are averaged over the time in which the ball moves this far, with a minimum time."""
 STEADY_FITS: Final = 4
 """Number of fits whose radii are compared."""
-SAME_RADIUS: Final = 0.2
-"""Largest relative change of a confirmed ball's radius from fit to fit."""
 OTHER_POLARITY: Final = -0.3
 """Smallest product of two contrasts' signs of a confirmed ball: its shadow has the other sign."""
-SAME_CONTRAST: Final = 0.5
-"""Smallest share of its mean contrast that a fit of a confirmed ball has."""
 OTHER_KIND: Final = 4
 """Times as many fits are needed of a ball that is dark after a bright one, or bright after a dark one."""
 DARK_DOUBT: Final = 3.0
@@ -103,6 +99,14 @@ class BallTrack:
         """Whether the evidence against it is too strong."""
         return self.evidence <= (self.config.confirmed_given_up if self.confirmed else self.config.given_up)
 
+    def given_up(self) -> tuple[Reason, ...]:
+        """Why it is given up; empty if it is not."""
+        if not self.is_terminated:
+            return ()
+        name = "confirmed_given_up" if self.confirmed else "given_up"
+        limit: float = getattr(self.config, name)
+        return (Limit("evidence", f"refined.{name}", limit, math.inf).failed_by(self.evidence),)
+
     def fits_in(self, ball: MovingCircle, quality: Quality) -> bool:
         """Whether a fit is of the same ball: similar size, brightness and contrast."""
         return all(limit.holds(value) for value, limit in self._same_ball(ball, quality))
@@ -112,11 +116,12 @@ class BallTrack:
         return failed_limits(*zip(*self._same_ball(ball, quality), strict=True))
 
     def _same_ball(self, ball: MovingCircle, quality: Quality) -> tuple[tuple[float, Limit], ...]:
-        most_px, least = SAME_RADIUS * self.ball.r, SAME_CONTRAST * self.contrast
+        most_px, least = self.config.same_radius * self.ball.r, self.config.same_contrast * self.contrast
+        radius, contrast = "refined.same_radius", "refined.same_contrast"
         return (
-            (abs(ball.r - self.ball.r), Limit("change of the ball's radius", None, -math.inf, most_px, "px")),
+            (abs(ball.r - self.ball.r), Limit("change of the ball's radius", radius, -math.inf, most_px, "px")),
             (quality.brighter * self.brighter, Limit("same polarity as before", None, OTHER_POLARITY, math.inf)),
-            (quality.contrast, Limit("events per edge pixel", None, least, math.inf)),
+            (quality.contrast, Limit("events per edge pixel", contrast, least, math.inf)),
         )
 
     def is_confirmed_by(self, config: RefinedConfig, brighter: float) -> bool:
