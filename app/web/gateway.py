@@ -43,6 +43,7 @@ SCRIPTS: Final = (
     "sky.js",
     "reconnect.js",
     "link.js",
+    "fields.js",
     "clicks.js",
     "windows.js",
     "keyboard.js",

@@ -33,7 +33,7 @@ from tests.waiting import eventually
 
 SPACE = (slice(0, 720), slice(320, 870))
 TABLE_RGB = (48, 122, 202)
-TIME_JS = "document.getElementById('rallyscope-time').value"
+TIME_JS = "document.getElementById('rallyscope-us').textContent"
 
 
 @pytest.fixture(scope="module")
