@@ -86,7 +86,7 @@ class Session:
         self._awaited = AwaitedRecording(services.library, preparation, lambda: PreparationPanel(client.gui))
         self._pace = FrameThrottle()
         self._inbox: queue.SimpleQueue[Command | Callable[[], None]] = queue.SimpleQueue()
-        self._pictures = LatestWins(pool, render_watch, self._picture_done, self._failed)
+        self._pictures = LatestWins(pool, render_watch, self._picture_done, self._picture_failed)
         self._openings = LatestWins(pool, self._open, self._opened, self._failed)
         self._state: ClientState | None = None
         self._recording: Recording | None = None
@@ -231,8 +231,9 @@ class Session:
         self.plane.set_visible(middle != "world")  # first: from then on it does not move the camera
         self.world.show(middle == "world")
         if middle == "events":
-            self._request_picture(self._state, self._recording, now_us)
+            self._request_picture(self._state, self._recording, now_us, wall_s)
         mode.tick(self._state, now_us, wall_s)
+        self.plane.show_staleness(wall_s, moving=self._state.playhead.playing)
         self.world.billboard_wxyz()
 
     def _open_slowly(self, opening: OpeningMoment, recording: Recording, wall_s: float) -> None:
@@ -264,6 +265,7 @@ class Session:
         """The chosen mode; the previous one is hidden."""
         if state.mode != self._active:
             self._requested = None
+            self.plane.freshness.forget()
             for name in (self._active, state.mode):
                 if name is not None:
                     with self.client.atomic():
@@ -310,7 +312,8 @@ class Session:
         """Whether something moves by itself, so that the loop must not sleep long."""
         if self._state is None:
             return False
-        return self._modes[self._state.mode].needs_tick or self._state.playhead.playing
+        waiting = self.plane.freshness.is_waiting  # an outdated picture is marked in time
+        return self._modes[self._state.mode].needs_tick or self._state.playhead.playing or waiting
 
     def offer(self, recordings: tuple[str, ...]) -> None:
         """Update the list of recordings; called by the loop."""
@@ -327,7 +330,7 @@ class Session:
 
     # Pictures -----------------------------------------------------------------------------------------------------
 
-    def _request_picture(self, state: ClientState, recording: Recording, now_us: int) -> None:
+    def _request_picture(self, state: ClientState, recording: Recording, now_us: int, wall_s: float) -> None:
         detector, show_truth = state.detector_a, state.tune.show_truth
         key = (
             recording.uuid,
@@ -341,15 +344,21 @@ class Session:
         )
         if key != self._requested:
             self._requested = key
-            self._pictures.submit(WatchRequest(recording, *key[1:]))
+            request = WatchRequest(recording, *key[1:])
+            self.plane.freshness.ask(request, wall_s)
+            self._pictures.submit(request)
 
     def _picture_done(self, request: WatchRequest, sheet: Mosaic) -> None:
-        self._enqueue(lambda: self._show_picture(sheet))
+        self._enqueue(lambda: self._show_picture(request, sheet))
 
-    def _show_picture(self, sheet: Mosaic) -> None:
+    def _picture_failed(self, error: Exception) -> None:
+        self._enqueue(self.plane.freshness.failed)
+        self._failed(error)
+
+    def _show_picture(self, request: WatchRequest, sheet: Mosaic) -> None:
         assert self._state is not None
         if self._modes[self._state.mode].middle == "events":  # else the mode changed meanwhile
-            self.plane.show(sheet)
+            self.plane.show(sheet, request)
 
     # Recordings ---------------------------------------------------------------------------------------------------
 

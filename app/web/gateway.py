@@ -52,6 +52,7 @@ SCRIPTS: Final = (
     "enlarge.js",
     "timebar.js",
     "texts.js",
+    "stale.js",
     "panes.js",
     "files.js",
     "tour.js",

@@ -11,7 +11,7 @@ import viser
 from app import theme
 from app.export.formats import FORMATS
 from app.formatting import html_text
-from app.state.browser_memory import default_config
+from app.state.config_words import settings_words
 from app.widgets import Choice, Listing, titles_of, when_changed, when_clicked
 from core.detection.saved import SavedDetector
 
@@ -263,8 +263,8 @@ def made_with_html(plan: ExportPlan, detector: SavedDetector, annotators: tuple[
 
 def detector_text(detector: SavedDetector) -> str:
     """Which settings detections and predictions are made with."""
-    changed = "as it comes" if detector.config == default_config(detector.method) else "changed in Tune"
-    return f"Detections and predictions: method {detector.method} with Tune's config A, {changed}."
+    settings = html_text(settings_words(detector.method, detector.config))
+    return f"Uses Tune's config A: method {html_text(detector.method)}, {settings}."
 
 
 def labels_left_out(plan: ExportPlan, annotators: tuple[str, ...]) -> tuple[str, ...]:

@@ -96,7 +96,10 @@ class LabelMode:
         self._counted: tuple[object, Checked] | None = None
         self._agreed: tuple[object, CameraAgreement | None] | None = None
         self._pictures = LabelPictures(
-            host.pool, lambda editor, mosaic: host.later(lambda: self._show_mosaic(editor, mosaic)), self._failed
+            host.pool,
+            lambda request, editor, mosaic: host.later(lambda: self._show_mosaic(request, editor, mosaic)),
+            self._picture_failed,
+            host.plane.freshness,
         )
         actions = PanelActions(
             act=lambda name: host.later(lambda: self._act(name)),
@@ -173,7 +176,7 @@ class LabelMode:
         words = status_words(now, editor.writer, self._checked(editor), self._agreement(now), share)
         if isinstance(self._recording, RingRecording):
             words = live_words(self._live.share)
-        self._pictures.ask(editor, scene, words)
+        self._pictures.ask(editor, scene, words, wall_s)
         self._show_in_time_bar(editor, wall_s)
         self._show_status(editor)
         self._merge.show(comparer, now)
@@ -218,10 +221,10 @@ class LabelMode:
     def _scene(self, editor: LabelEditor, state: ClientState) -> LabelScene:
         return LabelScene(editor.labelling, state.look.rendering, state.look.colours, self._ring)
 
-    def _show_mosaic(self, editor: LabelEditor, mosaic: LabelMosaic) -> None:
+    def _show_mosaic(self, request: object, editor: LabelEditor, mosaic: LabelMosaic) -> None:
         if self._active and editor is self._editor:
             editor.show(mosaic.plan)
-            self._host.plane.show(mosaic.sheet)
+            self._host.plane.show(mosaic.sheet, request)
             self._pictures.show(mosaic)
             self._live.shown(editor.labelling.recording, mosaic.plan.t_us)
 
@@ -358,6 +361,10 @@ class LabelMode:
         now = self._editor.labelling
         t_us = now.t_us if now.shown is None else now.shown.t_us
         self._live.begin(recording, t_us, now.step_us, then)
+
+    def _picture_failed(self, error: Exception) -> None:
+        self._host.later(self._host.plane.freshness.failed)
+        self._failed(error)
 
     def _failed(self, error: Exception) -> None:
         self._host.later(self._keys.forget)  # no picture: what waits for it would wait for ever

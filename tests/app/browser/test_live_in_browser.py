@@ -343,6 +343,7 @@ def a_trained_policy_plays_and_what_it_returns_is_counted(live_window, live_lab)
     eventually(lambda: rally.state.paused, "the simulation to pause")
     live_window.press("Count anew")
     live_window.page.get_by_text("learned · ball").wait_for(state="hidden")
+    assert rally.history.at(rally.history.followed_us, {}).picture.spots == (), "the landing spots are of the old count"
     live_window.press("Run")
     rally.player.use(BuiltInController())
 
