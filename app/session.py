@@ -109,6 +109,8 @@ class Session:
         self._opening = OpeningMoment(lambda: self.note(*SLOW_MOTION, "blue")) if self.page.is_new else None
         self._bar = TimeBar(self.page, self.send)
         self.page.listen("size", self.plane.window_resized)
+        self.page.listen("picture", self.plane.picture_resized)
+        self.page.listen("lower", self.plane.panel_resized)
         self.page.listen("enlarge", lambda message: self.send(EnlargePicture(message.get("camera"))))
         self.page.listen("hand", lambda _: self.world.touched())
         self.plane.tell = self.page.send

@@ -52,6 +52,7 @@ SCRIPTS: Final = (
     "timebar.js",
     "texts.js",
     "panes.js",
+    "lower.js",
     "files.js",
     "tour.js",
     "names.js",

@@ -59,7 +59,7 @@ class TuneMode:
         gui = host.client.gui
         self._view = TuneViewPanel(gui, self._send)
         self._settings = SettingsPanel(gui, self._send)
-        self._compare = CompareOverTime(host, self._send, lambda width_px: self._results.make_room(width_px))
+        self._compare = CompareOverTime(host, self._send)
         self._results = ResultsPanel(gui, lambda: host.later(self._start_score), lambda: host.later(self._score.cancel))
         self._nothing = NothingFound(
             host.pool, host.later, self._failed, lambda html: self._results.candidates.show_nothing_found(html)
