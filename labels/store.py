@@ -106,7 +106,7 @@ class LabelStore:
         """Who writes here."""
         self._history = SessionHistory()
         self._lock = threading.RLock()
-        """Of what is read."""
+        """Guards what is read."""
         self._write_lock = threading.Lock()
         self._history_lock = threading.Lock()
         self._change_mark = -1

@@ -252,7 +252,7 @@ def _report(found: ManyCalibration, rows: list[dict[str, object]], out: Path) ->
         "instants": len(found.t_us),
         "wand": _lengths(found),
         "shared": {a: {b: int(found.shared[i, k]) for k, b in enumerate(names) if k != i} for i, a in enumerate(names)},
-        "scale": found.scale.said,
+        "scale": found.scale.origin,
         "sigma_scale": found.sigma_scale,
         "frame": found.frame,
         "click_rms_px": found.click_rms_px,
@@ -270,7 +270,7 @@ def _describe(found: ManyCalibration, rows: list[dict[str, object]], out: Path) 
     lines = [
         f"{out}: {len(rows)} cameras from {len(found.t_us)} instants, {found.sigma_px:.3f} px each way",
         format_table(rows),
-        f"scale from {found.scale.said}, known to {100 * found.sigma_scale:.2f} %",
+        f"scale from {found.scale.origin}, known to {100 * found.sigma_scale:.2f} %",
         f"world: {found.frame}",
     ]
     lines += [

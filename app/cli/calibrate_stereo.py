@@ -225,7 +225,7 @@ def _report(found: RigCalibration, rows: list[dict[str, object]], out: Path) -> 
         "sigma_lead_px": found.sigma_lead_px,
         "baseline_m": found.baseline_m,
         "sigma_baseline_m": found.sigma_baseline_m,
-        "scale": found.scale.said,
+        "scale": found.scale.origin,
         "frame": found.frame,
         "click_rms_px": found.click_rms_px,
         "T_world_camera": {name: camera.T_world_camera.tolist() for name, camera in found.cameras.items()},
@@ -238,7 +238,7 @@ def _describe(found: RigCalibration, rows: list[dict[str, object]], out: Path) -
     lines = [
         f"{out}: {int(found.used.sum())} of {len(found.used)} common sightings, {found.sigma_px:.3f} px each way",
         format_table(rows),
-        f"baseline {found.baseline_m:.4f} +- {found.sigma_baseline_m:.4f} m, scale from {found.scale.said}",
+        f"baseline {found.baseline_m:.4f} +- {found.sigma_baseline_m:.4f} m, scale from {found.scale.origin}",
         f"world: {found.frame}",
     ]
     if found.sigma_lead_px > 0:

@@ -16,7 +16,7 @@ from core.errors import LabelError
 APPLICATION_ID: Final = 0x52534C42
 """`RSLB` in the header of the file: what `file` and SQLite's own tools see."""
 VERSION: Final = 2
-"""Of the tables. Version 1 were journals of JSON lines."""
+"""Version of the tables. Version 1 were journals of JSON lines."""
 
 TABLES: Final = """
 CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT, WITHOUT ROWID;

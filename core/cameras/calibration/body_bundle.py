@@ -28,8 +28,8 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 UNKNOWNS: Final = ("rx", "ry", "rz", "x", "y", "z", "offset_ms", "drift_ppm", "focal", "cx", "cy", "k1", "k2")
-"""Of a camera: a small rotation about its own axes (rad), position, clock, then the lens: a relative change of the
-focal length, the principal point in 1000 px, and the first two coefficients."""
+"""Unknowns of a camera: a small rotation about its own axes (rad), position, clock, then the lens: a relative change of
+the focal length, the principal point in 1000 px, and the first two coefficients."""
 SIZE: Final = len(UNKNOWNS)
 POSITION: Final = slice(3, 6)
 CLOCK: Final = slice(6, 8)

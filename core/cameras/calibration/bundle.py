@@ -40,7 +40,7 @@ WORST_PX: Final = 5.0
 REFITS: Final = 2
 ROUNDS: Final = 30
 STEP: Final = 1e-6
-"""Of the differences: radians, positions and milliseconds are all of the order of 1."""
+"""Step of the numerical derivatives: radians, positions and milliseconds are all of the order of 1."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

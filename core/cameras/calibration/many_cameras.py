@@ -210,7 +210,7 @@ def _measure(
     if len(tracks.body_m) > 1 or scale is None:
         kind = "the wand" if np.linalg.matrix_rank(tracks.body_m, tol=1e-9) < 2 else "the board"
         times = int(adjusted.used.any(axis=(1, 2)).sum())
-        return ScaleFound("wand", 1.0, WAND_SIGMA, said=f"{kind} at {times} times")
+        return ScaleFound("wand", 1.0, WAND_SIGMA, origin=f"{kind} at {times} times")
     rig, used = adjusted.rig, np.asarray(adjusted.used.any(axis=(1, 2)))
     seen = tracks.sample(adjusted.t_us, rig.offsets_us, rig.drifts_ppm)
     uvs = np.where(adjusted.used[..., None], seen.uvs_px - rig.lead_px * seen.directions, np.nan)[:, 0]

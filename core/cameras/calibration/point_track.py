@@ -19,7 +19,8 @@ Array = NDArray[np.float64]
 MAX_GAP_US: Final = 6000
 """Nothing is interpolated across a longer gap: two 2 ms windows may fail in a row."""
 STRAY_TIMES_MEDIAN: Final = 4.0
-"""Of the distances from where neighbours expect a sighting: 3.4 sigma of plain noise in two axes."""
+"""A sighting is a stray beyond this many median distances from where neighbours expect it: 3.4 sigma of plain noise in
+two axes."""
 GOLDEN: Final = (math.sqrt(5) - 1) / 2
 LARGEST_FILE_BYTES: Final = 256 << 20
 

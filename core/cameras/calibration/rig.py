@@ -41,7 +41,7 @@ class RigConfig:
     max_offset_ms: float = setting(50.0, 0.0, 2000.0)
     """The clocks are searched for offsets up to so much; 0: they are the same clock and no offset is fitted."""
     offset_step_ms: float = setting(1.0, 0.1, 20.0)
-    """Of that search. A ball moves some 3 px in 1 ms (5 m/s, 1.7 m away, f = 1000 px)."""
+    """Step of that search. A ball moves some 3 px in 1 ms (5 m/s, 1.7 m away, f = 1000 px)."""
     instants: int = setting(2000, 50, 20_000)
     """Common sightings that the adjustment uses, at most; evenly spread."""
     click_sigma_px: float = setting(1.0, 0.05, 20.0)

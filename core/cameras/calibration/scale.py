@@ -31,7 +31,7 @@ class Scale:
     length_m: float = 0.0
     """Between the first two cameras' optical centres, or between a wand's markers 0 and 1."""
     drag_per_m: float = REAL_DRAG_PER_M
-    """Of the flights that gravity is read from; 0 where there is no air."""
+    """Drag of the flights that gravity is read from; 0 where there is no air."""
 
     def __post_init__(self) -> None:
         if self.kind in ("baseline", "wand") and not 1e-3 <= self.length_m <= LONGEST_M:
@@ -48,7 +48,7 @@ class ScaleFound:
     up: Array | None = None
     """(3,) the vertical in the first camera's frame, where gravity says it."""
     sigma_up_rad: float = 0.0
-    said: str = ""
+    origin: str = ""
     """What it rests on, in words."""
 
 
@@ -68,7 +68,7 @@ def measure_scale(
         CalibrationError: if what should fix it does not.
     """
     if scale.kind == "baseline":
-        return ScaleFound("baseline", scale.length_m, 0.0, said="the given baseline")
+        return ScaleFound("baseline", scale.length_m, 0.0, origin="the given baseline")
     if scale.kind == "table":
         return _from_table(adjusted, poses)
     rig = adjusted.rig
@@ -82,9 +82,9 @@ def measure_scale(
     ps[~adjusted.used] = np.nan
     information = point_information(rig, ps, xys, sightings.focals_px, adjusted.sigma_px)
     gravity = measure_gravity(sightings.t_us, ps, information, drag_per_m=scale.drag_per_m)
-    said = f"gravity over {gravity.arcs} arcs, {gravity.points} points"
+    origin = f"gravity over {gravity.arcs} arcs, {gravity.points} points"
     return ScaleFound(
-        "gravity", gravity.metres_per_unit, gravity.sigma_relative, gravity.up, gravity.sigma_up_rad, said
+        "gravity", gravity.metres_per_unit, gravity.sigma_relative, gravity.up, gravity.sigma_up_rad, origin
     )
 
 
@@ -97,7 +97,7 @@ def _from_wand(length_m: float, lengths: Array) -> ScaleFound:
     median = float(np.median(lengths))
     spread = 1.4826 * float(np.median(np.abs(lengths - median)))
     sigma = spread / median / np.sqrt(len(lengths))
-    return ScaleFound("wand", length_m / median, float(sigma), said=f"the wand at {len(lengths)} times")
+    return ScaleFound("wand", length_m / median, float(sigma), origin=f"the wand at {len(lengths)} times")
 
 
 def _from_table(adjusted: Adjusted, poses: Mapping[int, tuple[Camera, Clicks]]) -> ScaleFound:
@@ -106,4 +106,4 @@ def _from_table(adjusted: Adjusted, poses: Mapping[int, tuple[Camera, Clicks]]) 
     there = [pose_from_clicks(camera, clicks, f"camera {k + 1}") for k, (camera, clicks) in ((a, first), (b, second))]
     distance_m = float(np.linalg.norm(there[0][:3, 3] - there[1][:3, 3]))
     units = float(np.linalg.norm(adjusted.rig.ps[a] - adjusted.rig.ps[b]))
-    return ScaleFound("table", distance_m / units, np.inf, said="the table's corners")
+    return ScaleFound("table", distance_m / units, np.inf, origin="the table's corners")

@@ -13,7 +13,7 @@ from core.recordings.sources.source import EventSource
 from core.registry import Registry
 
 HEAD_BYTES: Final = 4096
-"""Of a file, by which it is recognised."""
+"""Bytes at the start of a file, by which it is recognised."""
 Recognise = Callable[[Path, bytes], bool]
 Open = Callable[[Path, SensorSize | None], list[EventSource]]
 

@@ -118,7 +118,7 @@ def test_a_board_places_cameras_by_its_own_size() -> None:
     tracks = body_tracks(tracks, board.points_m)
     found = calibrate_many(tracks, lenses(CAMERAS), config=RigConfig(max_offset_ms=0.0))
     assert pose_errors(list(found.cameras.values()), list(CAMERAS.values()))[:, 0].max() < 10.0
-    assert found.sigma_px == pytest.approx(0.2, abs=0.03) and "board" in found.scale.said
+    assert found.sigma_px == pytest.approx(0.2, abs=0.03) and "board" in found.scale.origin
 
 
 def test_lenses_are_refined_where_asked() -> None:

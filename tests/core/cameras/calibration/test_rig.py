@@ -112,7 +112,7 @@ def test_free_flight_tells_the_scale_and_which_way_is_up(served) -> None:
     config = replace(QUICK, instants=1000)
     found = calibrate_rig(sweep(CAMERAS, served), LENSES, Scale("gravity", drag_per_m=0.0), config=config)
     assert found.baseline_m == pytest.approx(3.5, rel=0.005)
-    assert found.sigma_baseline_m < 0.02 and "arcs" in found.scale.said
+    assert found.sigma_baseline_m < 0.02 and "arcs" in found.scale.origin
     left, right = found.cameras.values()
     np.testing.assert_allclose(left.position_world_m, 0.0, atol=1e-12)
     assert right.position_world_m[2] == pytest.approx(0.0, abs=0.02), "both stand 1.15 m high"

@@ -64,7 +64,7 @@ def test_the_scatter_of_its_length_is_how_well_the_scale_is_known() -> None:
 
 
 def test_twenty_common_times_of_both_ends_are_enough_and_fewer_are_not() -> None:
-    assert measured(30, missing=10).said == "the wand at 20 times"
+    assert measured(30, missing=10).origin == "the wand at 20 times"
     with pytest.raises(CalibrationError, match="too little of the wand") as caught:
         measured(30, missing=11)
     assert "19" in str(caught.value)

@@ -167,7 +167,9 @@ def test_the_same_seed_gives_the_same_session_again(client):
         client.add_listener(ear)
         client.serve(6.0)
         client.step(12)
-        eventually(lambda: (begun, 120_000) in [(state.session, state.t_us) for state in ear.states], "the twelfth block")
+        eventually(
+            lambda: (begun, 120_000) in [(state.session, state.t_us) for state in ear.states], "the twelfth block"
+        )
         client.remove_listener(ear)
         return [batch.x_px.tobytes() for batch in ear.batches if batch.session == begun]
 
