@@ -83,6 +83,11 @@ class ImageView:
         return self._client.camera.aspect if self._aspect is None else self._aspect
 
     @property
+    def free_aspect(self) -> float:
+        """Width over height of what is free for pictures above the panel and the time bar, in steps of 0.05."""
+        return max(0.2, round(20 * self.aspect / (1 - self.panel_share)) / 20)
+
+    @property
     def panel_share(self) -> float:
         """Share of the window's height that is free below the mosaic."""
         return free_share(self._window_px, self._panel_px if self.with_panel else None)
