@@ -92,6 +92,8 @@ class Session:
         self._shown: tuple[ClientState, Middle, bool] | None = None
         self._requested: object = None
         self._autoplay = False
+        self._is_complete = False
+        """Whether the page was sent a view that is complete."""
         self._tracks = Tracks(0)
         self._live_uuid = ""
         self._source_news = SourceNotifications()
@@ -180,6 +182,7 @@ class Session:
                 self.plane.set_visible(False)
                 self.world.show(True)
                 self.world.billboard_wxyz()
+                self._reveal()
             return
         if isinstance(self._recording, RingRecording):
             self._grow(self._recording, wall_s)
@@ -211,6 +214,14 @@ class Session:
             self._request_picture(self._state, self._recording, now_us)
         mode.tick(self._state, now_us, wall_s)
         self.world.billboard_wxyz()
+        self._reveal()
+
+    def _reveal(self) -> None:
+        """Let the page show itself: until then it would show the panels of all modes as they arrive."""
+        if not self._is_complete:
+            self._is_complete = True
+            self.client.flush()
+            self.page.send("ready", {})
 
     def _open_slowly(self, opening: OpeningMoment, recording: Recording, wall_s: float) -> None:
         """Show the first bounce in slow motion to a new browser."""

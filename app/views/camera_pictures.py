@@ -51,7 +51,9 @@ class CameraPicturesRequest:
 def _draw_inset(
     canvas: Canvas, window: Window, ball: tuple[float, float, float], ink: int, rendering: Rendering
 ) -> None:
-    draw_ball_inset(canvas, window, ball, rendering, lambda inset: inset.draw_circle(*ball, ink), titled=False)
+    draw_ball_inset(
+        canvas, window, ball, rendering, lambda inset: inset.draw_circle(*ball, ink, thickness=3), titled=False
+    )
 
 
 def render_camera_pictures(request: CameraPicturesRequest) -> dict[str, bytes]:

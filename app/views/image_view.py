@@ -214,9 +214,3 @@ def set_png(image: viser.ImageHandle | viser.GuiImageHandle, png: bytes) -> None
     """Hand over encoded bytes: viser would encode an RGB array again, ten times slower than an indexed PNG."""
     image._format = "png"
     image._data = png
-
-
-def set_frustum_png(frustum: viser.CameraFrustumHandle, png: bytes) -> None:
-    """Set the PNG of a camera frustum."""
-    frustum._format = "png"
-    frustum._image_data = png

@@ -39,6 +39,7 @@ from app.web.pages import PageConnection, Pages
 SCRIPTS: Final = (
     "identity.js",
     "bridge.js",
+    "splash.js",
     "drawing.js",
     "sky.js",
     "reconnect.js",
@@ -53,6 +54,7 @@ SCRIPTS: Final = (
     "texts.js",
     "panes.js",
     "lower.js",
+    "tooltips.js",
     "files.js",
     "tour.js",
     "names.js",

@@ -36,7 +36,7 @@ class ScorePanel:
         self._labels = gui.add_html("", visible=False)
         self._table = gui.add_html(stage_counts_html("not scored yet"))
         self._progress = gui.add_progress_bar(0.0, visible=False)
-        self._start = gui.add_button("Score this config on the whole recording", icon=viser.Icon.TARGET)
+        self._start = gui.add_button("Score this config on the whole recording", icon=viser.Icon.TARGET, color="teal")
         self._cancel = gui.add_button("Cancel", icon=viser.Icon.X, visible=False)
         self._delay = gui.add_number(
             "Delay of my system [ms]",
