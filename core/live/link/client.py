@@ -62,7 +62,8 @@ class SimulationClient:
         check_reach(host, keys)
         self.address, self._keys = address, keys
         self._commands_address = f"tcp://{host}:{port + 1}"
-        self._timeout_s = timeout_s
+        self.timeout_s = timeout_s
+        """Longest wait for the answer to a command; it may be changed between two."""
         self._context = zmq.Context()
         self._numbers = itertools.count(1)
         self._asking, self._lock = threading.Lock(), threading.Lock()
@@ -185,7 +186,7 @@ class SimulationClient:
                 secure(self._socket, self._keys)
                 self._watch = HandshakeWatch(self._socket, self._keys)
                 self._socket.connect(self._commands_address)
-            until_s = time.monotonic() + (timeout_s or self._timeout_s)
+            until_s = time.monotonic() + (timeout_s or self.timeout_s)
             self._socket.setsockopt(zmq.SNDTIMEO, _ms_until(until_s))
             with contextlib.suppress(zmq.Again):  # a refused client cannot send any more
                 self._socket.send(m.encode(command(number)))
@@ -231,7 +232,7 @@ class SimulationClient:
     def _somebody_listens(self) -> bool:
         host, _, port = self._commands_address.removeprefix("tcp://").rpartition(":")
         try:
-            with socket.create_connection((host.strip("[]"), int(port)), timeout=self._timeout_s):
+            with socket.create_connection((host.strip("[]"), int(port)), timeout=self.timeout_s):
                 return True
         except OSError:
             return False

@@ -29,10 +29,10 @@ from core.simulation.episodes.racket import RacketConfig, RacketTarget, check_ta
 
 Array = NDArray[np.float64]
 PATIENCE_S: Final = 30.0
-"""Longest wait for the events of one block."""
+"""Longest wait for the events of one block, and for the answer to a command that came during one."""
 
 
-class LinkedBackend:
+class LinkEnvironmentBackend:
     """Steps the server block by block. Nobody else should command it meanwhile. `close` it.
 
     Ball rows, contacts, circles and outcomes that the server publishes are not looked at.
@@ -53,6 +53,7 @@ class LinkedBackend:
             if len(self._cameras) < 2:
                 got = ", ".join(self._cameras) or "none"
                 raise CalibrationError("too few calibrated cameras", expected="two", got=got, where=address)
+            self._client.timeout_s = PATIENCE_S  # the first block may still load kernels
             self._client.auto_serve(0.0)
             reply = self._client.pause()
         except (LinkError, CalibrationError):
@@ -145,7 +146,7 @@ BALL_PATIENCE_S: Final = 60.0
 """Timeout for a ball; it takes about a second of computing."""
 
 
-class LinkBackend:
+class LinkEpisodeBackend:
     """Plays balls in a server: it serves exactly the balls that the training deals, so outcomes are those at home.
 
     The clock of the server is stepped as fast as it computes. Nobody else should command it meanwhile.
@@ -167,6 +168,7 @@ class LinkBackend:
             if self._client.welcome.physics not in (None, environment.task.physics):
                 remedy = "give training and `sim-server` the same --physics"
                 raise LinkError("the server's balls fly by another physics", where=address, remedy=remedy)
+            self._client.timeout_s = PATIENCE_S
             self._client.auto_serve(0.0)
             self._client.pause()
         except LinkError:

@@ -12,7 +12,7 @@ from core.cameras import stereo_preset
 from core.errors import LinkError
 from core.learning.config import EnvironmentConfig
 from core.learning.task.environment import evaluation_balls, play
-from core.live.link.linked_backend import LinkedBackend
+from core.live.link.linked_backend import LinkEnvironmentBackend
 from core.live.link.server import ServerConfig, SimulationServer
 from core.outcomes.perceived_backend import PerceivedBackend
 from tests.waiting import PATIENCE_S
@@ -33,7 +33,7 @@ def server() -> Iterator[SimulationServer]:
 
 @pytest.mark.gate
 def test_a_stroke_in_a_server_is_judged_by_its_events(server: SimulationServer) -> None:
-    backend = PerceivedBackend(EVENTS, LinkedBackend(server.address))
+    backend = PerceivedBackend(EVENTS, LinkEnvironmentBackend(server.address))
     try:
         truth = evaluation_balls(6.0, 1, EVENTS)
         ball = backend.observe(truth)
@@ -49,7 +49,7 @@ def test_a_stroke_in_a_server_is_judged_by_its_events(server: SimulationServer) 
 
 
 def test_a_court_that_began_anew_says_so(server: SimulationServer, monkeypatch: pytest.MonkeyPatch) -> None:
-    world_backend = LinkedBackend(server.address)
+    world_backend = LinkEnvironmentBackend(server.address)
     try:
         first = world_backend.advance()
         monkeypatch.setattr("core.live.link.linked_backend.PATIENCE_S", 2.0)
