@@ -94,6 +94,8 @@ class Session:
         self._shown: tuple[ClientState, Middle, bool] | None = None
         self._requested: object = None
         self._autoplay = False
+        self._is_complete = False
+        """Whether the page was sent a view that is complete."""
         self._tracks = Tracks(0)
         self._live_uuid = ""
         self._source_news = SourceNotifications()
@@ -111,6 +113,8 @@ class Session:
         self._opening = OpeningMoment(lambda: self.note(*SLOW_MOTION, "blue")) if self.page.is_new else None
         self._bar = TimeBar(self.page, self.send)
         self.page.listen("size", self.plane.window_resized)
+        self.page.listen("picture", self.plane.picture_resized)
+        self.page.listen("lower", self.plane.panel_resized)
         self.page.listen("enlarge", lambda message: self.send(EnlargePicture(message.get("camera"))))
         self.page.listen("hand", lambda _: self.world.touched())
         self.plane.tell = self.page.send
@@ -202,6 +206,7 @@ class Session:
                 self.plane.set_visible(False)
                 self.world.show(True)
                 self.world.billboard_wxyz()
+                self._reveal()
             return
         if isinstance(self._recording, RingRecording):
             self._grow(self._recording, wall_s)
@@ -235,6 +240,14 @@ class Session:
         mode.tick(self._state, now_us, wall_s)
         self.plane.show_staleness(wall_s, moving=self._state.playhead.playing)
         self.world.billboard_wxyz()
+        self._reveal()
+
+    def _reveal(self) -> None:
+        """Let the page show itself: until then it would show the panels of all modes as they arrive."""
+        if not self._is_complete:
+            self._is_complete = True
+            self.client.flush()
+            self.page.send("ready", {})
 
     def _open_slowly(self, opening: OpeningMoment, recording: Recording, wall_s: float) -> None:
         """Show the first bounce in slow motion to a new browser."""

@@ -105,16 +105,15 @@ X_PX: Final = 8
 Y_PX: Final = -86
 """Position of the panel above the time bar."""
 WIDTH_PX: Final = 860
-HEIGHT_PX: Final = 140
+HEIGHT_PX: Final = 158
+"""Size until the page's script gives it the width of the picture, and the height that was chosen in this browser."""
 
 
 def place_below_pictures(gui: viser.GuiApi, panel: viser.PanelHandle) -> None:
-    """Add the list of keys as the last tab, and let the panel float in its place."""
+    """Add the list of keys as the last tab, and let the panel float in its place.
+
+    The page's script (`lower.js`) recognises the panel by that tab.
+    """
     with panel.add_tab("Keys", viser.Icon.KEYBOARD):
         gui.add_html(keys_html())
-    float_below_pictures(panel)
-
-
-def float_below_pictures(panel: viser.PanelHandle, *, narrower_px: int = 0) -> None:
-    """Let a panel float in its place, narrower while something stands at the left."""
-    panel.float(x=X_PX, y=Y_PX, width=WIDTH_PX - narrower_px, height=HEIGHT_PX)
+    panel.float(x=X_PX, y=Y_PX, width=WIDTH_PX, height=HEIGHT_PX)

@@ -168,6 +168,8 @@ class RenderSettings:
     rendering: Rendering = "polarity"
     colours: PolarityColours = "orange / blue"
     arrangement: Arrangement = "side by side"
+    magnifies_ball: bool = True
+    """Whether pictures of whole sensors show the ball magnified in a corner."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -186,6 +186,14 @@ class SetArrangement:
 
 
 @dataclass(frozen=True, slots=True)
+class MagnifyBall:
+    show: bool
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return replace(state, look=replace(state.look, magnifies_ball=self.show))
+
+
+@dataclass(frozen=True, slots=True)
 class SetOverlay:
     overlay: Overlay
 

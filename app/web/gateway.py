@@ -39,6 +39,7 @@ from app.web.pages import PageConnection, Pages
 SCRIPTS: Final = (
     "identity.js",
     "bridge.js",
+    "splash.js",
     "drawing.js",
     "sky.js",
     "reconnect.js",
@@ -54,6 +55,8 @@ SCRIPTS: Final = (
     "texts.js",
     "stale.js",
     "panes.js",
+    "lower.js",
+    "tooltips.js",
     "files.js",
     "tour.js",
     "names.js",

@@ -219,7 +219,8 @@ class LabelMode:
     # Pictures -----------------------------------------------------------------------------------------------------
 
     def _scene(self, editor: LabelEditor, state: ClientState) -> LabelScene:
-        return LabelScene(editor.labelling, state.look.rendering, state.look.colours, self._ring)
+        aspect = self._host.plane.free_aspect
+        return LabelScene(editor.labelling, state.look.rendering, state.look.colours, self._ring, aspect)
 
     def _show_mosaic(self, request: object, editor: LabelEditor, mosaic: LabelMosaic) -> None:
         if self._active and editor is self._editor:

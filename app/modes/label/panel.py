@@ -106,7 +106,7 @@ class LabelPanel:
             self._advance = gui.add_checkbox("Go on after each label", False)
             self._follow = gui.add_checkbox("Zoom follows the ball", True)
             self._epipolar = gui.add_checkbox("Other cameras' rays", True)
-            self._propose = gui.add_button("Propose from here on (I)", icon=viser.Icon.WAND)
+            self._propose = gui.add_button("Propose from here on (I)", icon=viser.Icon.WAND, color="teal")
             self._proposals = gui.add_html("")
             for label, name, icon in (
                 ("Accept steady segment (Enter)", "accept_segment", viser.Icon.CHECKS),

@@ -57,7 +57,7 @@ class TuneMode:
         gui = host.client.gui
         self._view = TuneViewPanel(gui, self._send)
         self._settings = SettingsPanel(gui, self._send)
-        self._compare = CompareOverTime(host, self._send, lambda width_px: self._results.make_room(width_px))
+        self._compare = CompareOverTime(host, self._send)
         self._results = ResultsPanel(gui, lambda: host.later(self._start_score), lambda: host.later(self._score.cancel))
         self._nothing = NothingFound(
             host.pool, host.later, self._failed, lambda html: self._results.candidates.show_nothing_found(html)
@@ -171,7 +171,7 @@ class TuneMode:
             (slot, state.history.present.of(slot)) for slot in slots
         )
         compared = tuple(state.config_of(method) for method in view.compared) if view.side_by_side else ()
-        key = (recording.uuid, state.camera, now_us, state.look, view, configs, compared)
+        key = (recording.uuid, state.camera, now_us, state.look, view, configs, compared, self._host.plane.free_aspect)
         if key != self._requested:
             self._requested = key
             request = self._request(state, recording, now_us, configs)
@@ -184,7 +184,8 @@ class TuneMode:
         stream, view = recording.cameras[state.camera], state.tune
         if not view.side_by_side:
             last_px = self._last_px.get(state.camera)
-            return TuneRequest(stream, now_us, state.look, view, configs, self._answers, last_px)
+            aspect = self._host.plane.free_aspect
+            return TuneRequest(stream, now_us, state.look, view, configs, self._answers, last_px, aspect)
         methods: tuple[tuple[Method, DetectorConfig], ...] = tuple(
             (method, state.config_of(method)) for method in view.compared
         )

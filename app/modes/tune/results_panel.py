@@ -14,7 +14,7 @@ from app.formatting import html_text, table_row
 from app.modes.tune.label_score import LabelScore, label_score_html
 from app.modes.tune.run_score import RunScore, run_score_row, run_scores_html
 from app.modes.tune.settings import setting_anchor, stage_counts_html
-from app.panels.keys import float_below_pictures, place_below_pictures
+from app.panels.keys import place_below_pictures
 from app.pictures.palette import palette
 from app.views.requests import is_wrong
 from app.views.stage_picture import KIND_INK, cluster_colour_index
@@ -34,11 +34,11 @@ class ScorePanel:
 
     def __init__(self, gui: viser.GuiApi, start: Callable[[], None], cancel: Callable[[], None]) -> None:
         self._gui = gui
-        self._start = gui.add_button("Score this config on the whole recording", icon=viser.Icon.TARGET)
-        self._cancel = gui.add_button("Cancel", icon=viser.Icon.X, visible=False)
-        self._progress = gui.add_progress_bar(0.0, visible=False)
-        self._table = gui.add_html(stage_counts_html("not scored yet"))
         self._labels = gui.add_html("", visible=False)
+        self._table = gui.add_html(stage_counts_html("not scored yet"))
+        self._progress = gui.add_progress_bar(0.0, visible=False)
+        self._start = gui.add_button("Score this config on the whole recording", icon=viser.Icon.TARGET, color="teal")
+        self._cancel = gui.add_button("Cancel", icon=viser.Icon.X, visible=False)
         self._delay = gui.add_number(
             "Delay of my system [ms]",
             0.0,
@@ -317,13 +317,6 @@ class ResultsPanel:
         with self.panel.add_tab("Auto-tune", viser.Icon.WAND):
             self._tuned = gui.add_html(stage_counts_html("no tuning yet: open Auto-tune on the right"))
         place_below_pictures(gui, self.panel)
-        self._taken_px = 0
-
-    def make_room(self, width_px: int) -> None:
-        """Leave this much of the window's width free at the left."""
-        if width_px != self._taken_px:
-            self._taken_px = width_px
-            float_below_pictures(self.panel, narrower_px=width_px)
 
     def show_tuned(self, content: str) -> None:
         """Show the result of automatic tuning."""

@@ -67,7 +67,9 @@ class SimulationPanel:
         self._host = host
         self._folder = gui.add_folder("Simulation (shared by all browsers)")
         with self._folder:
-            self._serve = gui.add_button("Serve", icon=viser.Icon.PING_PONG, hint="A ball at the chosen speed")
+            self._serve = gui.add_button(
+                "Serve", icon=viser.Icon.PING_PONG, color="teal", hint="A ball at the chosen speed"
+            )
             self._speed = gui.add_slider("Serve speed [m/s]", *SPEEDS_MPS, 0.5, 5.0)
             self._auto = gui.add_checkbox("Auto-serve", True, hint=tooltip("Auto-serve"))
             self._pause = gui.add_button_group("Clock", (STOP, RUN, STEP), hint=f"Step: one block. {tooltip('Block')}")
