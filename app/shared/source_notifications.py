@@ -12,7 +12,7 @@ from core.live.stream_watch import StreamHealth
 from core.robot import RobotStatus
 
 LOOK_EVERY_S: Final = 0.5
-STOPPED: Final = "The live source has stopped"
+STOPPED: Final = "No data from the live source"
 BACK: Final = {STOPPED: "The live source is back."}
 """Texts of resolved problems; others have a general one."""
 

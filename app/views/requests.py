@@ -211,7 +211,7 @@ def _when(answer: WindowAnswer) -> str:
     window, events = answer.window, f"{len(answer.window.events)} events"
     if answer.detection is None or answer.valid_us == window.end_us:
         return events
-    return f"{events}, ball valid {window.end_us - answer.valid_us} µs before the end"
+    return f"{events}, ball at {answer.valid_us / 1e3:.3f} ms"
 
 
 def window_before(stream: CameraStream, t_us: int, window_us: int) -> Window:

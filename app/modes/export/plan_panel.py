@@ -201,9 +201,7 @@ def made_with_html(plan: ExportPlan, detector: SavedDetector, annotators: tuple[
     """Lines about an export of a recording; empty for a training run and for what the browser draws."""
     if plan.what != "Recording" or plan.of_view:
         return ""
-    lines = [
-        detector_text(detector) if FORMATS[plan.format].computed else "As recorded: no detector is run for this format."
-    ]
+    lines = [detector_text(detector) if FORMATS[plan.format].computed else "Needs no detector: written as recorded."]
     left_out = labels_left_out(plan, annotators)
     if left_out:
         lines.append(f"Left out: the labels of {html_text(', '.join(left_out))}.")
@@ -212,8 +210,8 @@ def made_with_html(plan: ExportPlan, detector: SavedDetector, annotators: tuple[
 
 def detector_text(detector: SavedDetector) -> str:
     """Which settings detections and predictions are made with."""
-    changed = "as it comes" if detector.config == default_config(detector.method) else "changed in Tune"
-    return f"Detections and predictions: method {detector.method} with Tune's config A, {changed}."
+    changed = "default settings" if detector.config == default_config(detector.method) else "settings changed in Tune"
+    return f"Uses Tune's config A: method {detector.method}, {changed}."
 
 
 def labels_left_out(plan: ExportPlan, annotators: tuple[str, ...]) -> tuple[str, ...]:

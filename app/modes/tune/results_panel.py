@@ -34,17 +34,17 @@ class ScorePanel:
     def __init__(self, gui: viser.GuiApi, start: Callable[[], None], cancel: Callable[[], None]) -> None:
         self._gui = gui
         self._labels = gui.add_html("", visible=False)
-        self._table = gui.add_html(stage_counts_html("not scored yet"))
+        self._table = gui.add_html(stage_counts_html("No score yet"))
         self._progress = gui.add_progress_bar(0.0, visible=False)
         self._start = gui.add_button("Score this config on the whole recording", icon=viser.Icon.TARGET, color="teal")
         self._cancel = gui.add_button("Cancel", icon=viser.Icon.X, visible=False)
         self._delay = gui.add_number(
-            "Delay of my system [ms]",
+            "Extra latency [ms]",
             0.0,
             min=0.0,
             max=MAX_DELAY_MS,
             step=0.5,
-            hint="What an answer takes besides computing: cables, the network, the robot. For the score in time",
+            hint="Time from cable, network and robot, added to the computing time in the Live columns",
         )
         self._runs: list[tuple[str, TimedRun]] = []
         when_changed(self._delay, lambda _: self._show_runs())
@@ -95,14 +95,14 @@ def score_html(rows: list[str]) -> str:
     """The table of scores."""
     titles = (
         *("", "precision", "recall", "mean error", "median error", "found", "missed", "false"),
-        *("in time: age", "recall", "error held", "moved on"),
+        *("Live: age of answer", "recall", "error", "error extrapolated"),
     )
     head = table_row(titles, "text-align:left;font-weight:500", tag="th")
     return (
         "<div style='font-size:12.5px;padding:4px 12px'>"
         f"<table style='width:100%'>{head}{''.join(rows)}</table>"
-        "a ball counts as found within 8 px of the truth at the estimate's own time; in time: the newest answer "
-        "that has arrived by then, its median age and error where it was and moved on by the ball's velocity</div>"
+        "Found: within 8 px of the truth at the time of the answer. Live: the newest answer that a robot would have; "
+        "its median age, its median error as it is, and extrapolated with the ball's velocity.</div>"
     )
 
 
@@ -137,7 +137,7 @@ class CandidatesTable:
 
     def __init__(self, gui: viser.GuiApi) -> None:
         self._nothing = gui.add_html("", visible=False)
-        self._table = gui.add_html(stage_counts_html("computing the first window"))
+        self._table = gui.add_html(stage_counts_html("Computing the first window ..."))
 
     def show(
         self,
@@ -178,7 +178,9 @@ def verdict_html(title: str, answer: WindowAnswer) -> str:
     reasons = () if answer.trace is None else answer.trace.reasons
     lines += [reasons_html(reasons)] if reasons else []
     lines += answer_facts(answer)
-    lines.append(f"{answer.method} has processed the {answer.lead_in_windows} windows before")
+    before = answer.lead_in_windows
+    used = f"{before} earlier windows used" if before else "No earlier windows used (start of the recording)"
+    lines.append(f"{answer.method}: {used}")
     return "<div style='font-size:12.5px;padding:4px 12px'>" + "<br>".join(lines) + "</div>"
 
 
@@ -186,7 +188,7 @@ def answer_facts(answer: WindowAnswer) -> list[str]:
     """Phrases about the ball: when it is valid, how it moves, how sure it is."""
     ball, facts = answer.detection, []
     if ball is not None:
-        facts.append(f"valid {(answer.window.end_us - ball.t_us) / 1e3:.2f} ms before the end of the window")
+        facts.append(f"position at {ball.t_us / 1e3:.3f} ms")
     if isinstance(ball, RefinedDetection):
         sigma_px = float(ball.centre_covariance_px2.trace()) ** 0.5
         facts.append(f"moves ({ball.vu_px_per_ms:+.2f}, {ball.vv_px_per_ms:+.2f}) px/ms")
@@ -304,7 +306,7 @@ class ResultsPanel:
         with self.panel.add_tab("Score", viser.Icon.TARGET):
             self.score = ScorePanel(gui, start_score, cancel_score)
         with self.panel.add_tab("Auto-tune", viser.Icon.WAND):
-            self._tuned = gui.add_html(stage_counts_html("no tuning yet: open Auto-tune on the right"))
+            self._tuned = gui.add_html(stage_counts_html("No result yet. Start Auto-tune in the panel on the right"))
         place_below_pictures(gui, self.panel)
 
     def show_tuned(self, content: str) -> None:

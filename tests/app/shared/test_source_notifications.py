@@ -28,7 +28,7 @@ def test_a_lost_camera_is_told_once_and_so_is_its_return() -> None:
 
 def test_a_source_that_stops_is_told_whichever_way_it_is_known() -> None:
     news, quiet = SourceNotifications(), replace(WELL, stopped=True)
-    assert titles(news.compare("connected", quiet)) == ["The live source has stopped"]
+    assert titles(news.compare("connected", quiet)) == ["No data from the live source"]
     assert news.compare("lost", quiet) == []
     assert titles(news.compare("connected", WELL)) == ["Resolved"]
 

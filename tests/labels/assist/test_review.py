@@ -42,7 +42,7 @@ def test_a_label_off_the_path_comes_first_and_says_why() -> None:
     off = Label(t_us=20_000, state=LabelState.VISIBLE, x_px=140.0, y_px=62.0)
     queue = review_queue(straight(off=off))
     assert queue[0].t_us == 20_000
-    assert queue[0].reason == "12.0 px off the path of its neighbours"
+    assert queue[0].reason == "Label is 12.0 px off the neighbours' path"
     assert queue[0].score == pytest.approx(12 / QueueConfig().sigma_px, rel=0.01)
 
 

@@ -18,8 +18,8 @@ CHANGED = SavedDetector("refined", DetectorConfig())
 
 
 def test_a_computed_export_says_whether_the_config_was_changed() -> None:
-    assert "method refined with Tune's config A, as it comes" in made_with_html(PLAN, PLAIN, ())
-    assert "config A, changed in Tune" in made_with_html(PLAN, CHANGED, ())
+    assert "Uses Tune's config A: method refined, default settings" in made_with_html(PLAN, PLAIN, ())
+    assert "settings changed in Tune" in made_with_html(PLAN, CHANGED, ())
 
 
 @pytest.mark.parametrize("name", ["csv", "dsec", "evt3"])
