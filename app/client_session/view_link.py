@@ -75,6 +75,15 @@ def values_of(link: str) -> Values:
         return {}
 
 
+PLACE: Final = ("recording", "mode", "t", "camera", "space", "large")
+"""Values of a link that say where one is, not how it is looked at."""
+
+
+def place_of(values: Values) -> Values:
+    """The recording, mode, moment and camera of a link, with the mode also where it is the usual one."""
+    return {"mode": "Watch", **{key: text for key, text in values.items() if key in PLACE}}
+
+
 def commands_of(values: Values, state: ClientState) -> tuple[Command, ...]:
     """Commands that apply a link to a state with its recording open. Invalid values are ignored."""
     found: list[Command] = []

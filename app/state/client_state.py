@@ -256,6 +256,8 @@ class ClientState:
     watch: WatchView = field(default_factory=WatchView)
     looks: int = 0
     """Count of jumps from one mode to a moment in another."""
+    annotator: str | None = None
+    """Who labels in this browser; None until that was said."""
     score_by: str | None = None
     """Annotator against whose labels Tune is to score next."""
 

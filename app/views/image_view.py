@@ -10,6 +10,7 @@ from typing import Final, Literal
 import numpy as np
 import viser
 
+from app.views.freshness import AnswerFreshness, Staleness
 from app.views.mosaic import Mosaic
 from app.views.viewpoint import Viewpoint, look
 from app.web.pages import Json
@@ -45,6 +46,9 @@ class ImageView:
         self._framed: tuple[float, ...] | None = None
         self._sheet = Mosaic((), 16, 9)
         self._visible = True
+        self.freshness = AnswerFreshness()
+        """Whether the shown mosaic is the answer to the latest request."""
+        self._staleness: Staleness = ""
         self._framing = threading.Lock()
         """Lock: the camera is moved by the loop and by the browser's window reports."""
         self._window_px = USUAL_HEIGHT_PX
@@ -125,8 +129,16 @@ class ImageView:
         self._tell_texts()
         self.frame(again=True)
 
-    def show(self, sheet: Mosaic) -> None:
-        """Show another mosaic; the view is reset when its shape has changed."""
+    def show_staleness(self, wall_s: float, *, moving: bool) -> None:
+        """Mark the page if the shown mosaic is outdated; `moving`: the time cursor plays."""
+        staleness = self.freshness.staleness(wall_s, moving=moving) if self._visible else ""
+        if staleness != self._staleness:
+            self._staleness = staleness
+            self.tell("stale", {"why": staleness})
+
+    def show(self, sheet: Mosaic, request: object) -> None:
+        """Show the mosaic of a request; the view is reset when its shape has changed."""
+        self.freshness.answered(request)
         self._sheet = sheet
         while len(self._images) < len(sheet.pictures):
             self._images.append(self._add_image(len(self._images)))

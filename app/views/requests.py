@@ -15,17 +15,18 @@ from app.state.swept_cells import SweptCells, TableClicks
 from app.views.answer_cache import AnswerCache
 from app.views.ball_inset import draw_ball_inset
 from app.views.mosaic import Mosaic, columns_of, lay_out
-from app.views.stage_picture import draw_detection, draw_stage, draw_truth
+from app.views.stage_picture import draw_detection, draw_stage, draw_truth, miss_px
 from core.cameras import Camera
 from core.cameras.calibration.coverage import cell_box, cells_of
 from core.cameras.calibration.table_corners import CORNERS
 from core.cameras.calibration.table_pose import clicks_of, find_table_pose
-from core.detection import Detection, DetectorConfig
+from core.detection import DetectorConfig
 from core.detection.saved import SavedDetector
 from core.errors import CalibrationError
 from core.events import Window
 from core.metrics.run import WindowAnswer, answer_window
-from core.recordings import CameraStream, Recording
+from core.metrics.score import MATCH_RADIUS_PX
+from core.recordings import CameraStream, PixelTruth, Recording
 
 RADIUS_PX = 8
 OUTLINE = ("robot-left", "robot-right", "opponent-right", "opponent-left")
@@ -113,13 +114,19 @@ class PictureAnswer:
     found: tuple[WindowAnswer, ...]
     """Answers of Tune with their traces, one for each config."""
     seconds: float
+    misses_px: tuple[float | None, ...] = ()
+    """`miss_px` of each answer, if the truth is shown; else empty."""
 
 
 def answer_request(request: WatchRequest | TuneRequest) -> PictureAnswer:
     """Answer a request."""
     start_s = time.perf_counter()
-    sheet, found = (render_watch(request), ()) if isinstance(request, WatchRequest) else render_tune(request)
-    return PictureAnswer(sheet, found, time.perf_counter() - start_s)
+    if isinstance(request, WatchRequest):
+        return PictureAnswer(render_watch(request), (), time.perf_counter() - start_s)
+    sheet, found = render_tune(request)
+    truth = request.stream.truth if request.view.show_truth else None
+    misses_px = () if truth is None else tuple(miss_px(answer.detection, truth) for answer in found)
+    return PictureAnswer(sheet, found, time.perf_counter() - start_s, misses_px)
 
 
 def render_watch(request: WatchRequest) -> Mosaic:
@@ -140,13 +147,17 @@ def render_watch(request: WatchRequest) -> Mosaic:
         else:
             pixels = event_picture(window, look.rendering, binning=binning)
             canvas = Canvas.of_binned(pixels, stream.sensor, binning, across=across)
+        answer = answer_window(stream, *request.detector, window.end_us)
+        detection = answer.detection
         if request.show_truth:
-            draw_truth(canvas, stream.truth, window.end_us)
-        detection = answer_window(stream, *request.detector, window.end_us).detection
+            draw_truth(canvas, stream.truth, answer.valid_us)
         if detection is not None:
-            draw_detection(canvas, detection)
+            wrong = request.show_truth and is_wrong(miss_px(detection, stream.truth))
+            ink = PaletteIndex.HULL_REJECTED if wrong else PaletteIndex.CIRCLE
+            draw_detection(canvas, detection, window.end_us, ink)
             if look.magnifies_ball and not (request.table.active or request.swept.active):
-                _draw_inset(canvas, stream, window, detection, window.end_us, request)
+                truth = stream.truth if request.show_truth else None
+                _draw_inset(canvas, window, answer, truth, look, ink)
             balls.append((name, int(cells_of((detection.u_px, detection.v_px), stream.sensor)[0])))
         if request.swept.active:
             for cell in request.swept.missing(name):
@@ -165,22 +176,18 @@ def render_watch(request: WatchRequest) -> Mosaic:
 
 
 def _draw_inset(
-    canvas: Canvas,
-    stream: CameraStream,
-    window: Window,
-    ball: Detection,
-    valid_us: int,
-    request: WatchRequest | TuneRequest,
+    canvas: Canvas, window: Window, answer: WindowAnswer, truth: PixelTruth | None, look: RenderSettings, ink: int
 ) -> None:
-    """Draw the found ball magnified, with the true circle at its time if that is shown."""
-    show_truth = request.show_truth if isinstance(request, WatchRequest) else request.view.show_truth
+    """Draw the found ball magnified over a window's events, with the true circle at its time if `truth` is given."""
+    ball = answer.detection
+    if ball is None:
+        return
 
     def draw_marks(inset: Canvas) -> None:
-        if show_truth:
-            draw_truth(inset, stream.truth, valid_us)
-        draw_detection(inset, ball)
+        draw_truth(inset, truth, answer.valid_us)
+        draw_detection(inset, ball, window.end_us, ink)
 
-    draw_ball_inset(canvas, window, (ball.u_px, ball.v_px, ball.r_px), request.look.rendering, draw_marks)
+    draw_ball_inset(canvas, window, (ball.u_px, ball.v_px, ball.r_px), look.rendering, draw_marks)
 
 
 def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[WindowAnswer, ...]]:
@@ -196,14 +203,22 @@ def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[WindowAnswer, ...]]
     for (name, _), answer in zip(request.configs, found, strict=True):
         canvas = Canvas(region, across=across)
         assert answer.trace is not None
-        draw_stage(canvas, answer.window, answer.trace, view.stage, request.look.rendering)
+        wrong = view.show_truth and is_wrong(miss_px(answer.detection, request.stream.truth))
+        draw_stage(canvas, answer.window, answer.trace, view.stage, request.look.rendering, wrong=wrong)
         if view.show_truth:
             draw_truth(canvas, request.stream.truth, answer.valid_us)
         if view.zoom <= 1.0 and request.look.magnifies_ball and answer.detection is not None:
-            _draw_inset(canvas, request.stream, answer.window, answer.detection, answer.valid_us, request)
+            truth = request.stream.truth if view.show_truth else None
+            ink = PaletteIndex.HULL_REJECTED if wrong else PaletteIndex.CIRCLE
+            _draw_inset(canvas, answer.window, answer, truth, request.look, ink)
         canvas.caption(f"{request.stream.name}, {view.method}, config {name}: {_when(answer)}")
         canvases.append(canvas)
     return lay_out(canvases, request.look.colours, request.look.arrangement), tuple(found)
+
+
+def is_wrong(distance_px: float | None) -> bool:
+    """Whether an answer at this `miss_px` is no ball for scores and comparisons."""
+    return distance_px is not None and distance_px > MATCH_RADIUS_PX
 
 
 def _when(answer: WindowAnswer) -> str:

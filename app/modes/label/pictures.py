@@ -26,6 +26,7 @@ from app.modes.label.plan import LabelScene, centre_at, plan_at
 from app.modes.label.side_layout import GAP_PX, MAIN_WIDTH_PX
 from app.modes.label.sources import LabelSource
 from app.pictures.palette import PaletteIndex
+from app.views.freshness import AnswerFreshness
 from app.views.mosaic import Mosaic, MosaicTile, SheetText, css_colour
 
 READY_STEPS: Final = (1, 2, 3, -1, 4, 5, 6, -2, 10, -10)
@@ -165,12 +166,14 @@ class LabelPictures:
     def __init__(
         self,
         pool: Executor,
-        drawn: Callable[[LabelEditor, LabelMosaic], None],
+        drawn: Callable[[object, LabelEditor, LabelMosaic], None],
         failed: Callable[[Exception], None],
+        freshness: AnswerFreshness,
     ) -> None:
-        self._pool, self._failed = pool, failed
+        """`drawn` gets the request, the editor and the pictures; `freshness` notes the requests."""
+        self._pool, self._failed, self._freshness = pool, failed, freshness
         self._work: LatestWins[Callable[[], tuple[LabelEditor, LabelMosaic]], tuple[LabelEditor, LabelMosaic]]
-        self._work = LatestWins(pool, lambda draw: draw(), lambda draw, answer: drawn(*answer), failed)
+        self._work = LatestWins(pool, lambda draw: draw(), lambda draw, answer: drawn(draw, *answer), failed)
         self._cache = PictureCache()
         self._ahead = Prefetcher(pool, self._cache, failed)
         self._next: tuple[LabelScene, int, Point] | None = None
@@ -219,7 +222,7 @@ class LabelPictures:
         """The middle of the zoomed picture from now on."""
         self._centre, self._arrival = point, None
 
-    def ask(self, editor: LabelEditor, scene: LabelScene, words: Words) -> None:
+    def ask(self, editor: LabelEditor, scene: LabelScene, words: Words, wall_s: float) -> None:
         """Draw what is to be seen now, unless that was asked for; then its neighbours."""
         now, centre = scene.now, self._centre
         assert centre is not None
@@ -238,7 +241,12 @@ class LabelPictures:
         strip = StripData(0, now.recording.duration_us, arrays.t_us, arrays.state, proposed_us, now.breaks_us, words)
         cache = self._cache
         self._ahead.pause()  # what is asked for now comes first
-        self._work.submit(lambda: (editor, cache.make_sheet(plan, now, strip)))
+
+        def draw() -> tuple[LabelEditor, LabelMosaic]:
+            return editor, cache.make_sheet(plan, now, strip)
+
+        self._freshness.ask(draw, wall_s)
+        self._work.submit(draw)
         self._next = None if scene.ring else (scene, plan.t_us, centre)
 
     def show(self, mosaic: LabelMosaic) -> None:

@@ -167,9 +167,10 @@ def here_html(
 
 
 def agreement_words(agreement: CameraAgreement) -> str:
-    """How many cameras agree, as the beginning of a text; of a pair it is both."""
+    """How many cameras agree, or disagree, as the beginning of a text with the distance; of a pair it is both."""
     count = len(agreement.off_px)
-    return f"{count - len(agreement.left_out)} of {count} cameras agree to" if count else "cameras agree to"
+    which = f"{count - len(agreement.left_out)} of {count} cameras" if count else "cameras"
+    return f"{which} agree to" if agreement.residual_px < FAR_PX else f"{which} disagree by"
 
 
 def _residuals_html(agreement: CameraAgreement) -> str:

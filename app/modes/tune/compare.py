@@ -85,6 +85,7 @@ class CompareOverTime:
             uuid=recording.uuid,
             stream=recording.cameras[state.camera],
             configs=tuple((method, state.config_of(method)) for method in state.tune.compared),
+            slot=state.tune.slot,
             agree_with=self.panel.agree_with,
             labels=self._host.services.workspace.labels,
             start_us=start_us,

@@ -97,9 +97,9 @@ def test_what_nobody_has_judged_comes_in_the_order_in_which_it_would_change_a_sc
     )
     queue = review_queue(label_arrays(()), proposals=proposals)
     assert [item.t_us for item in queue] == [int(t_us[20]), int(t_us[40])]
-    assert "proposed 12" in queue[0].reason and "lost the ball" in queue[1].reason
+    assert "Proposal is 12" in queue[0].reason and "lost the ball" in queue[1].reason
     judged = review_queue(label_arrays(()), proposals=proposals, rejected_us=[int(t_us[20])])
-    assert int(t_us[20]) not in [item.t_us for item in judged if "proposed" in item.reason]
+    assert int(t_us[20]) not in [item.t_us for item in judged if "Proposal" in item.reason]
 
 
 def test_residuals_hold_beside_a_wrong_neighbour() -> None:
