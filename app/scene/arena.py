@@ -1,5 +1,5 @@
-"""The arena: ground, table with lines and legs, net, posts, lights; the cameras as frusta; and rackets, solid for the
-real one, see-through for its target. World frame, metres.
+"""The arena: ground, table with lines and legs, net and posts, lights; the cameras as frusta; and rackets, solid for
+the real one, see-through for its target. World frame, metres.
 """
 
 from __future__ import annotations

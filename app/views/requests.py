@@ -20,13 +20,13 @@ from core.cameras import Camera
 from core.cameras.calibration.coverage import cell_box, cells_of
 from core.cameras.calibration.table_corners import CORNERS
 from core.cameras.calibration.table_pose import clicks_of, find_table_pose
-from core.detection import Detection, DetectorConfig
+from core.detection import DetectorConfig
 from core.detection.saved import SavedDetector
 from core.errors import CalibrationError
 from core.events import Window
 from core.metrics.run import WindowAnswer, answer_window
 from core.metrics.score import MATCH_RADIUS_PX
-from core.recordings import CameraStream, Recording
+from core.recordings import CameraStream, PixelTruth, Recording
 
 RADIUS_PX = 8
 OUTLINE = ("robot-left", "robot-right", "opponent-right", "opponent-left")
@@ -156,7 +156,8 @@ def render_watch(request: WatchRequest) -> Mosaic:
             ink = PaletteIndex.HULL_REJECTED if wrong else PaletteIndex.CIRCLE
             draw_detection(canvas, detection, window.end_us, ink)
             if look.magnifies_ball and not (request.table.active or request.swept.active):
-                _draw_inset(canvas, stream, window, detection, answer.valid_us, request, ink)
+                truth = stream.truth if request.show_truth else None
+                _draw_inset(canvas, window, answer, truth, look, ink)
             balls.append((name, int(cells_of((detection.u_px, detection.v_px), stream.sensor)[0])))
         if request.swept.active:
             for cell in request.swept.missing(name):
@@ -175,23 +176,18 @@ def render_watch(request: WatchRequest) -> Mosaic:
 
 
 def _draw_inset(
-    canvas: Canvas,
-    stream: CameraStream,
-    window: Window,
-    ball: Detection,
-    valid_us: int,
-    request: WatchRequest | TuneRequest,
-    ink: int,
+    canvas: Canvas, window: Window, answer: WindowAnswer, truth: PixelTruth | None, look: RenderSettings, ink: int
 ) -> None:
-    """Draw the found ball magnified, with the true circle at its time if that is shown."""
-    show_truth = request.show_truth if isinstance(request, WatchRequest) else request.view.show_truth
+    """Draw the found ball magnified over a window's events, with the true circle at its time if `truth` is given."""
+    ball = answer.detection
+    if ball is None:
+        return
 
     def draw_marks(inset: Canvas) -> None:
-        if show_truth:
-            draw_truth(inset, stream.truth, valid_us)
+        draw_truth(inset, truth, answer.valid_us)
         draw_detection(inset, ball, window.end_us, ink)
 
-    draw_ball_inset(canvas, window, (ball.u_px, ball.v_px, ball.r_px), request.look.rendering, draw_marks)
+    draw_ball_inset(canvas, window, (ball.u_px, ball.v_px, ball.r_px), look.rendering, draw_marks)
 
 
 def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[WindowAnswer, ...]]:
@@ -212,8 +208,9 @@ def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[WindowAnswer, ...]]
         if view.show_truth:
             draw_truth(canvas, request.stream.truth, answer.valid_us)
         if view.zoom <= 1.0 and request.look.magnifies_ball and answer.detection is not None:
+            truth = request.stream.truth if view.show_truth else None
             ink = PaletteIndex.HULL_REJECTED if wrong else PaletteIndex.CIRCLE
-            _draw_inset(canvas, request.stream, answer.window, answer.detection, answer.valid_us, request, ink)
+            _draw_inset(canvas, answer.window, answer, truth, request.look, ink)
         canvas.caption(f"{request.stream.name}, {view.method}, config {name}: {_when(answer)}")
         canvases.append(canvas)
     return lay_out(canvases, request.look.colours, request.look.arrangement), tuple(found)
@@ -229,7 +226,7 @@ def _when(answer: WindowAnswer) -> str:
     window, events = answer.window, f"{len(answer.window.events)} events"
     if answer.detection is None or answer.valid_us == window.end_us:
         return events
-    return f"{events}, ball valid {window.end_us - answer.valid_us} µs before the end"
+    return f"{events}, ball at {answer.valid_us / 1e3:.3f} ms"
 
 
 def window_before(stream: CameraStream, t_us: int, window_us: int) -> Window:

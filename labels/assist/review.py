@@ -88,7 +88,7 @@ def review_queue(
 def _from_neighbours(labels: LabelArrays, config: QueueConfig, note: _Note) -> None:
     part = labels.rows(labels.seen)
     residual = residual_of_neighbours(part.t_us, part.x_px, part.y_px, max_gap_us=config.max_gap_us)
-    reasons = [f"{value:.1f} px off the path of its neighbours" for value in residual]
+    reasons = [f"Label is {value:.1f} px off the neighbours' path" for value in residual]
     note(part.t_us, np.nan_to_num(residual / config.sigma_px), reasons)
 
 
@@ -134,7 +134,9 @@ def _from_unjudged(
     residual = residual_of_neighbours(t_us, x, y, max_gap_us=config.max_gap_us)
     sigma = np.hypot(config.sigma_px, config.detector_sigma_px)
     scores = np.minimum(np.nan_to_num(residual / sigma), 0.8 * config.contradiction)
-    reasons = [f"proposed {value:.1f} px off the path of its neighbours" for value in residual[proposed]]
+    reasons = [
+        f"Proposal is {value:.1f} px off the neighbours' path. Bounce? Shift Enter" for value in residual[proposed]
+    ]
     note(t_us[proposed], scores[proposed], reasons)
     step_us = np.diff(t_us)
     hole = (step_us > 1.5 * proposals.window_us) & (step_us <= config.max_gap_us) & proposed[:-1] & proposed[1:]

@@ -250,9 +250,7 @@ def made_with_html(plan: ExportPlan, detector: SavedDetector, annotators: tuple[
     """Lines about an export of a recording; empty for a training run and for what the browser draws."""
     if plan.what != "Recording" or plan.of_view:
         return ""
-    lines = [
-        detector_text(detector) if FORMATS[plan.format].computed else "As recorded: no detector is run for this format."
-    ]
+    lines = [detector_text(detector) if FORMATS[plan.format].computed else "Needs no detector: written as recorded."]
     left_out = labels_left_out(plan, annotators)
     if plan.asks_annotator and plan.format == "rrd":
         lines.append(f"Several annotators: {html_text(', '.join(annotators))}. You are asked whose labels are meant.")

@@ -358,7 +358,7 @@ class LabelEditor:
     def _note_undo(self, step: UndoStep, redo: bool) -> None:
         what = "Redo" if redo else "Undo"
         if not step.done:
-            text = "Only what this window did under this name is taken back."
+            text = "Undo covers only the changes of this window under this name."
             self.note(f"Nothing to {what.lower()}", text)
         elif step.left_us:
             where = f"at {step.left_us[0] / 1e6:.6f} s" if len(step.left_us) == 1 else f"at {len(step.left_us)} times"

@@ -26,7 +26,7 @@ STATE_NAMES: Final = {
 
 ANNOTATOR: Final = "Annotator"
 """Label of the field with the annotator's name."""
-ACCEPT_ALL_HINT: Final = "What is proposed at this time. Labels in two cameras propose the ball in all others"
+ACCEPT_ALL_HINT: Final = "Accepts the proposals at this time. Labels in two cameras propose the ball in all others"
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ class LabelPanel:
 
     def _add_view(self, gui: viser.GuiApi) -> None:
         actions = self._actions
-        self._annotator = gui.add_text(ANNOTATOR, DEFAULT_ANNOTATOR, hint="Whose labels these are: a layer of its own")
+        self._annotator = gui.add_text(ANNOTATOR, DEFAULT_ANNOTATOR, hint="Annotator. Each name has its own layer")
         self._camera = Listing(
             gui, "Camera", lambda name: actions.change(camera=name), hint="Key 0: the next one; or click its picture"
         )
@@ -103,7 +103,7 @@ class LabelPanel:
         actions = self._actions
         with gui.add_folder("Assistance"):
             self._snap = gui.add_checkbox("Snap clicks to the events", True)
-            self._advance = gui.add_checkbox("Go on after each label", False)
+            self._advance = gui.add_checkbox("Next time after each label", False)
             self._follow = gui.add_checkbox("Zoom follows the ball", True)
             self._epipolar = gui.add_checkbox("Other cameras' rays", True)
             self._propose = gui.add_button("Propose from here on (I)", icon=viser.Icon.WAND, color="teal")

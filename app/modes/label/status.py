@@ -54,8 +54,8 @@ def live_html(share: float | None) -> str:
 
 def _live_text(share: float | None) -> str:
     if share is None:
-        return "live: the first label freezes it into a recording"
-    return f"freezing the live rally into a recording: {percent(share)}"
+        return "live: the first label saves it as a recording"
+    return f"saving the live rally as a recording: {percent(share)}"
 
 
 def save_html(labelling: Labelling, writer: LabelWriter) -> str:
@@ -187,6 +187,6 @@ def proposals_html(proposals: Proposals | None, share: float | None, held: bool)
     """How far the detector has come, and whether a key waits for it."""
     count = 0 if proposals is None else len(proposals)
     if share is not None:
-        waits = "; Enter waits for it, Escape forgets that" if held else ""
+        waits = "; Enter waits for it, Escape cancels" if held else ""
         return note_html(f"proposing: {percent(share)}, {count} so far{waits}", BRAND if held else theme.MUTED)
     return note_html(f"{count} proposals" if count else "&nbsp;", theme.MUTED)  # empty, the buttons would move

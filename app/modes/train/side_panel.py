@@ -227,9 +227,9 @@ def _title(text: str) -> str:
 
 def _weights_title() -> str:
     parts = (
-        (W1, "w1: return it"),
-        (W2, "w2: place it"),
-        (NOISE, "noise of the exploration"),
+        (W1, "weight: return"),
+        (W2, "weight: place"),
+        (NOISE, "exploration noise"),
     )
     return _title(" &nbsp; ".join(f"<span style='color:{colour}'>{text}</span>" for colour, text in parts))
 

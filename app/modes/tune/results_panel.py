@@ -35,17 +35,17 @@ class ScorePanel:
     def __init__(self, gui: viser.GuiApi, start: Callable[[], None], cancel: Callable[[], None]) -> None:
         self._gui = gui
         self._labels = gui.add_html("", visible=False)
-        self._table = gui.add_html(stage_counts_html("not scored yet"))
+        self._table = gui.add_html(stage_counts_html("No score yet"))
         self._progress = gui.add_progress_bar(0.0, visible=False)
         self._start = gui.add_button("Score this config on the whole recording", icon=viser.Icon.TARGET, color="teal")
         self._cancel = gui.add_button("Cancel", icon=viser.Icon.X, visible=False)
         self._delay = gui.add_number(
-            "Delay of my system [ms]",
+            "Extra latency [ms]",
             0.0,
             min=0.0,
             max=MAX_DELAY_MS,
             step=0.5,
-            hint="What an answer takes besides computing: cables, the network, the robot. For the score in time",
+            hint="Time from cable, network and robot, added to the computing time in the Live columns",
         )
         self._runs: list[tuple[str, RunScore]] = []
         when_changed(self._delay, lambda _: self._show_runs())
@@ -105,7 +105,7 @@ class CandidatesTable:
 
     def __init__(self, gui: viser.GuiApi) -> None:
         self._nothing = gui.add_html("", visible=False)
-        self._table = gui.add_html(stage_counts_html("computing the first window"))
+        self._table = gui.add_html(stage_counts_html("Computing the first window ..."))
 
     def show(
         self,
@@ -169,7 +169,9 @@ def verdict_html(title: str, answer: WindowAnswer, distance_px: float | None = N
     reasons = () if answer.trace is None else answer.trace.reasons
     lines += [reasons_html(reasons)] if reasons else []
     lines += answer_facts(answer)
-    lines.append(f"{answer.method} has processed the {answer.lead_in_windows} windows before")
+    before = answer.lead_in_windows
+    used = f"{before} earlier windows used" if before else "No earlier windows used (start of the recording)"
+    lines.append(f"{answer.method}: {used}")
     return "<div style='font-size:12.5px;padding:4px 12px'>" + "<br>".join(lines) + "</div>"
 
 
@@ -315,7 +317,7 @@ class ResultsPanel:
         with self.panel.add_tab("Score", viser.Icon.TARGET):
             self.score = ScorePanel(gui, start_score, cancel_score)
         with self.panel.add_tab("Auto-tune", viser.Icon.WAND):
-            self._tuned = gui.add_html(stage_counts_html("no tuning yet: open Auto-tune on the right"))
+            self._tuned = gui.add_html(stage_counts_html("No result yet. Start Auto-tune in the panel on the right"))
         place_below_pictures(gui, self.panel)
 
     def show_tuned(self, content: str) -> None:

@@ -33,7 +33,7 @@ def drift_row(report: DriftReport) -> tuple[str, str]:
         if report.points >= report.needed:
             message = "unknown: the cameras see different objects"
             return "Calibration", coloured(theme.WARN, f"{message}. {REMEDY}" if report.alarm else message)
-        message = f"unknown yet, after {report.points} of {report.needed} points of the ball"
+        message = f"Not yet known ({report.points} of {report.needed} points)"
         return "Calibration", muted(message)
     if report.alarm:
         return "Calibration", coloured(theme.BAD, f"{drift_words(report)}. {REMEDY}")

@@ -254,7 +254,7 @@ def a_config_is_scored_over_the_recording(tune) -> None:
     row.wait_for()
     tune.screenshot("score")
     assert re.search(r"\t\d\.\d\d ms", row.inner_text()), "the newest answer is a few windows old at most"
-    tune.fill(tune.field("Delay of my system [ms]"), "30")
+    tune.fill(tune.field("Extra latency [ms]"), "30")
     row.get_by_text(re.compile(r"^3\d\.\d\d ms$")).wait_for()
     tune.screenshot("score-in-time")
 
@@ -360,7 +360,7 @@ def methods_are_compared_over_the_recording_and_a_click_on_a_miss_jumps_there(tu
     misses.first.click()
     eventually(lambda: tune.state.tune.method == "refined", "the method whose miss it is")
     tune.press("false")
-    tune.page.get_by_text("answers are false").wait_for()
+    tune.page.get_by_text("answers are wrong").wait_for()
     tune.screenshot("compare-false")
     for reference in ("refined", "fe-fusion"):  # one of those that are compared, and one that is not
         choose(tune, "Reference", reference)

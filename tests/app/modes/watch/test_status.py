@@ -142,7 +142,7 @@ def report(drift_px: float, *, alarm: bool) -> DriftReport:
 
 def test_it_says_how_many_points_are_missing() -> None:
     name, said = drift_row(DriftReport(60, 200))
-    assert name == "Calibration" and "unknown yet, after 60 of 200 points" in said
+    assert name == "Calibration" and "Not yet known (60 of 200 points)" in said
 
 
 def test_a_fit_is_green_with_its_figure() -> None:
