@@ -8,7 +8,7 @@ a time in two stores, the later counts.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +19,7 @@ from labels.conflicts import WITHIN_PX, LabelConflict, find_conflicts
 from labels.database.connection import open_to_write, telling, transaction
 from labels.database.edit_log import Writer, add_edit, make_layer
 from labels.database.folder import Layer
+from labels.database.rows import MERGE_TOOL
 from labels.model import Label
 from labels.store_contents import read_store
 
@@ -46,6 +47,8 @@ class _Accumulator:
     """Labels of all stores by layer and time."""
 
     labels: dict[Layer, dict[int, Label]] = field(default_factory=lambda: defaultdict(dict))
+    first: dict[Layer, dict[int, Label]] = field(default_factory=lambda: defaultdict(dict))
+    """What was said before a conflict was settled."""
     superseded: int = 0
     notes: list[str] = field(default_factory=list)
 
@@ -55,6 +58,13 @@ class _Accumulator:
             before = known.get(label.t_us)
             self.superseded += before is not None and before != label
             if before is None or before.provenance.made_at_us < label.provenance.made_at_us:
+                known[label.t_us] = label
+
+    def add_first(self, layer: Layer, labels: Iterable[Label]) -> None:
+        known = self.first[layer]
+        for label in labels:
+            before = known.get(label.t_us)
+            if before is None or label.provenance.made_at_us < before.provenance.made_at_us:
                 known[label.t_us] = label
 
 
@@ -87,10 +97,13 @@ def merge_stores(
     }
     conflicts = tuple(conflict for conflict in differing if conflict.settled_by is None)
     kept = {
-        layer: [label for label in labels.values() if layer.blind or not _is_among(dropped, layer, label)]
+        layer: [label for label in labels.values() if layer.blind or not _is_left_out(dropped, layer, label)]
         for layer, labels in pile.labels.items()
     }
-    _write(out, uuid, kept)
+    for layer, labels in pile.labels.items():  # what is left out is kept in the log of edits, for `labels agree`
+        if not layer.blind:
+            pile.add_first(layer, (label for label in labels.values() if _is_left_out(dropped, layer, label)))
+    _write(out, uuid, kept, pile.first)
     written = sum(map(len, kept.values()))
     left_out = sum(map(len, pile.labels.values())) - written
     return MergedStores(
@@ -103,24 +116,36 @@ def _add_source(source: Path, pile: _Accumulator) -> str:
     found = read_store(source)
     for layer, labels in found.layers.items():
         pile.add(layer, labels.values())
+        pile.add_first(layer, found.first[layer].values())
     pile.notes += found.notes
     return found.recording_uuid
 
 
-def _is_among(dropped: set[tuple[str, int, str]], layer: Layer, label: Label) -> bool:
+def _is_left_out(dropped: set[tuple[str, int, str]], layer: Layer, label: Label) -> bool:
     return (layer.camera, label.t_us, layer.annotator) in dropped
 
 
-def _write(out: Path, uuid: str, layers: dict[Layer, list[Label]]) -> None:
+def _write(out: Path, uuid: str, layers: dict[Layer, list[Label]], first: Mapping[Layer, Mapping[int, Label]]) -> None:
     try:
         with replacing(out, durable=True) as partial:
-            _fill(partial, out, uuid, layers)
+            _fill(partial, out, uuid, layers, first)
     except OSError as error:
         raise LabelError("cannot write the merged labels", got=error.strerror, where=out) from error
 
 
-def _fill(partial: Path, out: Path, uuid: str, layers: dict[Layer, list[Label]]) -> None:
+def _fill(
+    partial: Path,
+    out: Path,
+    uuid: str,
+    layers: dict[Layer, list[Label]],
+    first: Mapping[Layer, Mapping[int, Label]],
+) -> None:
+    """Write what was said first as an edit of its own, before what is said now: the log keeps both."""
     with closing(open_to_write(partial, uuid)) as db, telling(out, "cannot write the merged labels"), transaction(db):
         for layer, labels in layers.items():
-            number = make_layer(db, layer.camera, layer.annotator, layer.blind)
-            add_edit(db, Writer(number, "", "rallyscope labels merge"), labels, ())
+            writer = Writer(make_layer(db, layer.camera, layer.annotator, layer.blind), "", MERGE_TOOL)
+            now = {label.t_us: label for label in labels}
+            before = {t_us: label for t_us, label in first[layer].items() if label != now.get(t_us)}
+            if before:
+                add_edit(db, writer, before.values(), ())
+            add_edit(db, writer, labels, before.keys() - now.keys())

@@ -24,7 +24,14 @@ from numpy.typing import ArrayLike, NDArray
 from core.errors import LabelError
 from labels.arrays import SOURCES, LabelArrays, label_arrays
 from labels.database.by_time import LabelsByTime
-from labels.database.connection import DamagedStoreError, open_to_read, open_to_write, telling, transaction
+from labels.database.connection import (
+    DamagedStoreError,
+    open_to_read,
+    open_to_write,
+    telling,
+    transaction,
+    work_in_log,
+)
 from labels.database.edit_log import (
     SessionHistory,
     UndoStep,
@@ -46,7 +53,7 @@ from labels.database.rows import (
     label_of,
     times_by_others,
     value_at,
-    value_before_settling,
+    values_before_settling,
 )
 from labels.database.salvage import salvage
 from labels.database.schema import recording_of
@@ -78,10 +85,10 @@ class IndependentLabels:
     """What an annotator said before seeing another's label, and where that cannot be known."""
 
     labels: LabelArrays
-    """Where a label settles a conflict, the newest one before that; left out if there is none (a store that was merged
-    keeps no log). Labels taken over from another annotator have the source *imported*."""
+    """Where a label settles a conflict, or a merge left it out, the newest one before that; left out if there is none.
+    Labels taken over from another annotator have the source *imported*."""
     settled_us: NDArray[np.int64]
-    """Times of the labels that settle a conflict, ascending."""
+    """Times of the labels that settle a conflict, and of those that a merge left out, ascending."""
     copied_us: NDArray[np.int64]
     """Times of the labels that name another annotator than the layer's, ascending."""
 
@@ -279,14 +286,21 @@ class LabelStore:
         with self._lock, telling(self.path, "cannot read the labels"):
             self._refresh()
             arrays, upto = self._arrays, self._seen
-            settled_us = arrays.t_us[arrays.source == SOURCES.index(PositionSource.SETTLED)]
-            for t_us in settled_us.tolist():
-                values = value_before_settling(self._reader, self._number, t_us, upto=upto)
+            before = values_before_settling(self._reader, self._number, upto=upto)
+            for t_us, values in before:
                 arrays = arrays.changed(t_us, None if values is None else label_of(t_us, values))
             copied_us = times_by_others(self._reader, self._number, self.layer.annotator, upto=upto)
         source = arrays.source.copy()
         source[np.isin(arrays.t_us, copied_us)] = SOURCES.index(PositionSource.IMPORTED)
+        settled_us = np.array([t_us for t_us, _ in before], np.int64)
         return IndependentLabels(replace(arrays, source=source), settled_us, copied_us)
+
+    def before_settling(self) -> tuple[Label, ...]:
+        """What was said before a conflict was settled, or a label left out by a merge, by time; only there."""
+        with self._lock, telling(self.path, "cannot read the labels"):
+            self._refresh()
+            before = values_before_settling(self._reader, self._number, upto=self._seen)
+        return tuple(label_of(t_us, values) for t_us, values in before if values is not None)
 
     def all(self) -> tuple[Label, ...]:
         """All labels with their provenance, by time."""
@@ -307,6 +321,15 @@ class LabelStore:
         arrays, times = self.labels(), np.unique(np.asarray(t_us, np.int64))
         states = arrays.state[np.isin(arrays.t_us, times)]
         return LabelProgress(len(times), len(states), Counter(tuple(LabelState)[state] for state in states.tolist()))
+
+    def checkpoint(self) -> None:
+        """Copy the log into the store's file, which then holds all labels by itself.
+
+        Raises:
+            LabelError: if that cannot be written. The labels are safe in the log.
+        """
+        with self.writing() as db:
+            work_in_log(db)
 
     def close(self) -> None:
         """Let go of the file: everything is saved already."""

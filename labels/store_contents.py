@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +13,7 @@ from core.errors import LabelError
 from labels.database.connection import DamagedStoreError, open_to_read, telling
 from labels.database.edit_log import NEWEST
 from labels.database.folder import Layer
-from labels.database.rows import Values, current_rows, label_of
+from labels.database.rows import Values, current_rows, label_of, values_before_settling
 from labels.database.salvage import salvage
 from labels.database.schema import recording_of
 from labels.model import Label
@@ -27,6 +27,8 @@ class StoreContents:
     recording_uuid: str
     layers: Mapping[Layer, Mapping[int, Label]]
     """By time."""
+    first: Mapping[Layer, Mapping[int, Label]]
+    """What was said before a conflict was settled, or a label left out by a merge, by time; only there."""
     notes: tuple[str, ...] = ()
     """What could not be read."""
 
@@ -72,28 +74,36 @@ def _read_folder(folder: Path) -> StoreContents:
     if not layers:
         raise LabelError("no labels in this folder", where=folder, remedy="name a labels.sqlite")
     found: dict[Layer, dict[int, Label]] = {}
+    first: dict[Layer, dict[int, Label]] = {}
     notes: list[str] = []
     for layer in layers:
         with LabelStore.read(folder.parent, layer) as store:
             found[layer] = {label.t_us: label for label in store.all()}
+            first[layer] = {label.t_us: label for label in store.before_settling()}
         notes += [note for note in store.notes if note not in notes]
-    return StoreContents(uuid, found, tuple(notes))
+    return StoreContents(uuid, found, first, tuple(notes))
 
 
 def _read_database(db: sqlite3.Connection, path: Path, notes: tuple[str, ...]) -> StoreContents:
     found: dict[Layer, dict[int, Label]] = {}
+    first: dict[Layer, dict[int, Label]] = {}
     all_notes = list(notes)
     with telling(path, "cannot read the labels"):
         uuid = recording_of(db, path)
         for number, camera, annotator, blind in db.execute("SELECT * FROM layers").fetchall():
             rows = [(row[0], row[2:]) for row in current_rows(db, number, upto=NEWEST)]
-            found[Layer(uuid, camera, annotator, bool(blind))] = _readable_labels(rows, path, all_notes)
-    return StoreContents(uuid, found, tuple(all_notes))
+            layer = Layer(uuid, camera, annotator, bool(blind))
+            found[layer] = _readable_labels(rows, path, all_notes)
+            before = values_before_settling(db, number, upto=NEWEST)
+            first[layer] = _readable_labels(before, path, all_notes)
+    return StoreContents(uuid, found, first, tuple(all_notes))
 
 
-def _readable_labels(rows: list[tuple[int, Values]], path: Path, notes: list[str]) -> dict[int, Label]:
+def _readable_labels(rows: Sequence[tuple[int, Values | None]], path: Path, notes: list[str]) -> dict[int, Label]:
     labels = {}
     for t_us, values in rows:
+        if values is None:
+            continue
         try:
             labels[t_us] = label_of(t_us, values)
         except LabelError as error:

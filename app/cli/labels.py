@@ -231,29 +231,36 @@ def run_agree(arguments: LabelAgreeArguments) -> None:
     if len(settled_us):
         times = ", ".join(f"{t_us:,}" for t_us in settled_us[:MAX_TIMES].tolist())
         more = ", ..." if len(settled_us) > MAX_TIMES else ""
-        notes.append(f"conflicts settled at {len(settled_us)} times: compared as they were before ({times}{more} us)")
+        notes.append(f"conflicts at {len(settled_us)} times: compared as they were before ({times}{more} us)")
     if lost:
         notes.append(f"{lost} labels left out: they settle conflicts, and this store holds nothing from before")
     if copied:
         notes.append(f"{copied} labels name another annotator: taken over, so no agreement of two people")
     as_json = {"first": mine, "second": name, "blind": blind, "left_out": lost, "copied": copied}
     as_json |= {"settled_us": settled_us.tolist(), **asdict(found)}
-    arguments.layer.tell(as_json, [counts, *notes, *_agreement_lines(found)])
+    arguments.layer.tell(as_json, [counts, *notes, *_agreement_lines(found, lost)])
 
 
-def _agreement_lines(found: Agreement) -> list[str]:
-    """In words, and only what can be said: of nothing there is no median."""
+def _agreement_lines(found: Agreement, lost: int) -> list[str]:
+    """In words, and only what can be said: of nothing there is no median, and without the conflicts no share.
+
+    Positions made by hand and positions snapped to the events are never one figure: two snapped clicks are one circle.
+    """
     if not found.common:
         return ["no common labels: nothing can be compared"]
     kappa = "kappa not defined: both say one thing only" if isnan(found.kappa) else f"kappa {found.kappa:.3f}"
     states = f"states: {found.same_state} of {found.common} the same, {kappa}"
+    if lost:
+        states = (
+            f"states: agreement cannot be told without the {lost} conflicts left out; of the other {found.common} "
+            f"times {found.same_state} the same"
+        )
     if not found.both_seen:
         return [states, "positions: no common label in which both have seen the ball"]
-    interval = "" if isnan(found.median_low_px) else f"({found.median_low_px:.2f} to {found.median_high_px:.2f}), "
     return [
         states,
-        f"positions ({found.both_seen}): median {found.median_px:.2f} px {interval}p95 {found.p95_px:.2f}, "
-        f"sigma of one {found.sigma_px:.2f} px, bias {found.bias_x_px:+.2f} {found.bias_y_px:+.2f}",
+        f"positions ({found.both_seen}), by how they were made; bias {found.bias_x_px:+.2f} {found.bias_y_px:+.2f} px"
+        + (f"; the {lost} conflicts left out are missing" if lost else ""),
         *(_source_line(name, group) for name, group in found.by_source.items() if group.pairs or name == "by_hand"),
     ]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -29,6 +28,7 @@ from core.live.link.client import SimulationClient
 from core.live.link.guard import ClientKeys
 from core.live.link.live_source import LiveSource, RecalibratedSource
 from core.live.live_player import LivePlayer
+from core.live.live_snapshot import RallySnapshot
 from core.live.ring_recording import LiveConfig, RingRecording
 from core.live.stream_watch import StreamWatch
 from core.physics.episode import Case
@@ -75,6 +75,8 @@ class SimulationProcess:
 LIVE: Final = "live"
 """Name of the live rally in the list of recordings."""
 REMEMBERED_S: Final = 20.0
+BEHIND_US: Final = 300_000
+"""A ball counts only if the player was no farther behind when it was served: it reaches the robot 0.5 s later."""
 FORGET_EVERY_US: Final = 1_000_000
 
 
@@ -110,7 +112,8 @@ class LiveRally:
         self._scene: str | None = None
         self._session = ""
         self._recorder: LiveRecorder | None = None
-        self._recorded_since_s = 0.0
+        self.is_changing_scene = False
+        """Whether the simulation is building another scene: until then no data arrives, as somebody asked for it."""
         self._recording_lock = threading.Lock()
         self._watched = True
         self._forgotten_us = 0
@@ -152,8 +155,9 @@ class LiveRally:
 
     @property
     def recorded_s(self) -> float:
-        """Wall time since the recording began, s."""
-        return 0.0 if self._recorder is None else time.monotonic() - self._recorded_since_s
+        """Length of the recording so far, in its own time, s."""
+        recorder = self._recorder
+        return 0.0 if recorder is None else 1e-6 * recorder.duration_us
 
     def set_active(self, watched: bool) -> None:
         """Set whether a browser is connected; without one the source may pause, unless the rally is recorded or
@@ -176,7 +180,6 @@ class LiveRally:
         with self._recording_lock:
             if self._recorder is not None:
                 raise RecordingError("the rally is being recorded already", where=self._recorder.path)
-            self._recorded_since_s = time.monotonic()
             self._recorder = LiveRecorder(self._source_with_robot, path, player=self.player)
             self._listen()
 
@@ -201,6 +204,26 @@ class LiveRally:
             return False
         self.source.recalibrate(cameras)
         return True
+
+    def change_scene(self, scene: str) -> None:
+        """Have the simulation show another scene, and wait for it.
+
+        Raises:
+            LinkError: if there is no simulation, or it refuses.
+        """
+        if self.simulation is None:
+            raise LinkError("no scene to change", got=self.source.description, remedy="only a simulation has scenes")
+        self.is_changing_scene = True
+        try:
+            self.simulation.set_scene(scene)
+        finally:
+            self.watch.wake()
+            self.is_changing_scene = False
+
+    def reset_counts(self) -> None:
+        """Count returned balls from now on, and forget where balls landed."""
+        self.returns.clear()
+        self.history.clear_outcomes()
 
     def stop_simulation(self) -> None:
         """Stop the simulation process of this rally, if any; its history can still be watched."""
@@ -258,7 +281,10 @@ class LiveRally:
         """Count the balls, and store landing points."""
         conditions = BallConditions(self.player.controller.name, self._scene or "")
         if isinstance(notice, m.ServeNotice):
-            self.returns.begin_ball(conditions)
+            if was_followed(notice, self.player.snapshot):
+                self.returns.begin_ball(conditions)
+            else:  # nobody could play it: the detector is still being compiled, or far behind
+                self.returns.drop_ball()
         elif isinstance(notice, m.OutcomeNotice):
             self.returns.end_ball(conditions, returned=notice.case == Case.RETURNED)
             x, y, _ = notice.landing_m
@@ -283,6 +309,12 @@ class LiveRally:
         if drift is None:
             drift = self._drift = CalibrationDrift(self.source.welcome.calibrated())
         drift.add(state.chain)
+
+
+def was_followed(serve: m.ServeNotice, snapshot: RallySnapshot) -> bool:
+    """Whether the player had seen about all that there was of the session when a ball was served."""
+    is_near = serve.t_us - snapshot.t_us <= BEHIND_US
+    return snapshot.session == serve.session and snapshot.state is not None and is_near
 
 
 def join_simulation(

@@ -13,6 +13,7 @@ from core.robot import RobotStatus
 
 LOOK_EVERY_S: Final = 0.5
 STOPPED: Final = "The live source has stopped"
+CHANGES: Final = "Changing the scene ..."
 BACK: Final = {STOPPED: "The live source is back."}
 """Texts of resolved problems; others have a general one."""
 
@@ -38,7 +39,8 @@ class SourceNotifications:
             return []
         self._looked_s = wall_s
         robot = None if live.robot is None else live.robot.status
-        return self.compare(live.source.status, live.watch.health(), robot, live.drift)
+        changes = live.is_changing_scene
+        return self.compare(live.source.status, live.watch.health(), robot, live.drift, changes_scene=changes)
 
     def compare(
         self,
@@ -46,13 +48,24 @@ class SourceNotifications:
         health: StreamHealth,
         robot: RobotStatus | None = None,
         drift: DriftReport | None = None,
+        *,
+        changes_scene: bool = False,
     ) -> list[Notification]:
-        """Notifications about new and resolved problems; each is shown once."""
-        now = _troubles(status, health) | _robot_troubles(robot) | _drift_troubles(drift)
-        begun = [Notification(title, body, "red") for title, body in now.items() if title not in self._shown]
+        """Notifications about new and resolved problems; each is shown once.
+
+        `changes_scene`: somebody asked the simulation for another scene, so that no data arrives is no problem.
+        """
+        source = {CHANGES: "The simulation builds it; the rally goes on then."} if changes_scene else None
+        now = (source or _troubles(status, health)) | _robot_troubles(robot) | _drift_troubles(drift)
+        begun = [
+            Notification(title, body, "blue" if title == CHANGES else "red")
+            for title, body in now.items()
+            if title not in self._shown
+        ]
         over = [
             Notification("Resolved", BACK.get(title, f"No longer: {title[0].lower()}{title[1:]}."), "green")
             for title in self._shown.keys() - now
+            if title != CHANGES
         ]
         self._shown = now
         return begun + over

@@ -15,7 +15,7 @@ from app.pictures.palette import PaletteIndex, method_colour_index
 from app.state.client_state import RenderSettings, TuneView
 from app.views.answer_cache import AnswerCache
 from app.views.mosaic import Mosaic, lay_out_grid
-from app.views.requests import PictureAnswer
+from app.views.requests import PictureAnswer, is_wrong
 from app.views.stage_picture import draw_answer
 from core.detection import DetectorConfig
 from core.detection.methods import Method
@@ -80,7 +80,8 @@ def verdict(answer: WindowAnswer, reference: PixelReference | None) -> str:
     if ball is None:
         return "no ball" if place is None else "no ball, missed"
     if place is not None:
-        return f"{math.hypot(ball.u_px - place[0], ball.v_px - place[1]):.2f} px"
+        distance_px = math.hypot(ball.u_px - place[0], ball.v_px - place[1])
+        return f"{distance_px:.2f} px off, missed" if is_wrong(distance_px) else f"{distance_px:.2f} px"
     if reference is not None and reference.at(np.array([ball.t_us]))[1][0]:
         return "false ball"
     return "ball"

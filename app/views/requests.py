@@ -13,17 +13,19 @@ from app.pictures.palette import PaletteIndex
 from app.state.client_state import RenderSettings, TuneView
 from app.state.swept_cells import SweptCells, TableClicks
 from app.views.answer_cache import AnswerCache
+from app.views.ball_inset import draw_ball_inset
 from app.views.mosaic import Mosaic, columns_of, lay_out
-from app.views.stage_picture import draw_detection, draw_stage, draw_truth
+from app.views.stage_picture import draw_detection, draw_stage, draw_truth, miss_px
 from core.cameras import Camera
 from core.cameras.calibration.coverage import cell_box, cells_of
 from core.cameras.calibration.table_corners import CORNERS
 from core.cameras.calibration.table_pose import clicks_of, find_table_pose
-from core.detection import DetectorConfig
+from core.detection import Detection, DetectorConfig
 from core.detection.saved import SavedDetector
 from core.errors import CalibrationError
 from core.events import Window
 from core.metrics.run import WindowAnswer, answer_window
+from core.metrics.score import MATCH_RADIUS_PX
 from core.recordings import CameraStream, Recording
 
 RADIUS_PX = 8
@@ -100,6 +102,8 @@ class TuneRequest:
     """Cache of answers: each takes tens of windows to compute."""
     last_px: tuple[float, float] | None = None
     """Last position of the ball: a zoomed view stays there while a setting rejects it."""
+    aspect: float | None = None
+    """Width over height of what the window leaves to all pictures; a zoomed view fills it. None: the sensor's shape."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,13 +114,19 @@ class PictureAnswer:
     found: tuple[WindowAnswer, ...]
     """Answers of Tune with their traces, one for each config."""
     seconds: float
+    misses_px: tuple[float | None, ...] = ()
+    """`miss_px` of each answer, if the truth is shown; else empty."""
 
 
 def answer_request(request: WatchRequest | TuneRequest) -> PictureAnswer:
     """Answer a request."""
     start_s = time.perf_counter()
-    sheet, found = (render_watch(request), ()) if isinstance(request, WatchRequest) else render_tune(request)
-    return PictureAnswer(sheet, found, time.perf_counter() - start_s)
+    if isinstance(request, WatchRequest):
+        return PictureAnswer(render_watch(request), (), time.perf_counter() - start_s)
+    sheet, found = render_tune(request)
+    truth = request.stream.truth if request.view.show_truth else None
+    misses_px = () if truth is None else tuple(miss_px(answer.detection, truth) for answer in found)
+    return PictureAnswer(sheet, found, time.perf_counter() - start_s, misses_px)
 
 
 def render_watch(request: WatchRequest) -> Mosaic:
@@ -137,11 +147,16 @@ def render_watch(request: WatchRequest) -> Mosaic:
         else:
             pixels = event_picture(window, look.rendering, binning=binning)
             canvas = Canvas.of_binned(pixels, stream.sensor, binning, across=across)
+        answer = answer_window(stream, *request.detector, window.end_us)
+        detection = answer.detection
         if request.show_truth:
-            draw_truth(canvas, stream.truth, window.end_us)
-        detection = answer_window(stream, *request.detector, window.end_us).detection
+            draw_truth(canvas, stream.truth, answer.valid_us)
         if detection is not None:
-            draw_detection(canvas, detection)
+            wrong = request.show_truth and is_wrong(miss_px(detection, stream.truth))
+            ink = PaletteIndex.HULL_REJECTED if wrong else PaletteIndex.CIRCLE
+            draw_detection(canvas, detection, window.end_us, ink)
+            if look.magnifies_ball and not (request.table.active or request.swept.active):
+                _draw_inset(canvas, stream, window, detection, answer.valid_us, request, ink)
             balls.append((name, int(cells_of((detection.u_px, detection.v_px), stream.sensor)[0])))
         if request.swept.active:
             for cell in request.swept.missing(name):
@@ -159,6 +174,26 @@ def render_watch(request: WatchRequest) -> Mosaic:
     return replace(lay_out(canvases, look.colours, look.arrangement), ball_cells=tuple(balls))
 
 
+def _draw_inset(
+    canvas: Canvas,
+    stream: CameraStream,
+    window: Window,
+    ball: Detection,
+    valid_us: int,
+    request: WatchRequest | TuneRequest,
+    ink: int,
+) -> None:
+    """Draw the found ball magnified, with the true circle at its time if that is shown."""
+    show_truth = request.show_truth if isinstance(request, WatchRequest) else request.view.show_truth
+
+    def draw_marks(inset: Canvas) -> None:
+        if show_truth:
+            draw_truth(inset, stream.truth, valid_us)
+        draw_detection(inset, ball, window.end_us, ink)
+
+    draw_ball_inset(canvas, window, (ball.u_px, ball.v_px, ball.r_px), request.look.rendering, draw_marks)
+
+
 def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[WindowAnswer, ...]]:
     """Draw the chosen stage of one window, one picture per config.
 
@@ -167,17 +202,26 @@ def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[WindowAnswer, ...]]
     view = request.view
     across = len(request.configs) if request.look.arrangement == "side by side" else 1
     found = [request.answers.find(request.stream, view.method, config, request.t_us) for _, config in request.configs]
-    region = _region(request, found[0])
+    region = _region(request, found[0], across)
     canvases: list[Canvas] = []
     for (name, _), answer in zip(request.configs, found, strict=True):
         canvas = Canvas(region, across=across)
         assert answer.trace is not None
-        draw_stage(canvas, answer.window, answer.trace, view.stage, request.look.rendering)
+        wrong = view.show_truth and is_wrong(miss_px(answer.detection, request.stream.truth))
+        draw_stage(canvas, answer.window, answer.trace, view.stage, request.look.rendering, wrong=wrong)
         if view.show_truth:
             draw_truth(canvas, request.stream.truth, answer.valid_us)
+        if view.zoom <= 1.0 and request.look.magnifies_ball and answer.detection is not None:
+            ink = PaletteIndex.HULL_REJECTED if wrong else PaletteIndex.CIRCLE
+            _draw_inset(canvas, request.stream, answer.window, answer.detection, answer.valid_us, request, ink)
         canvas.caption(f"{request.stream.name}, {view.method}, config {name}: {_when(answer)}")
         canvases.append(canvas)
     return lay_out(canvases, request.look.colours, request.look.arrangement), tuple(found)
+
+
+def is_wrong(distance_px: float | None) -> bool:
+    """Whether an answer at this `miss_px` is no ball for scores and comparisons."""
+    return distance_px is not None and distance_px > MATCH_RADIUS_PX
 
 
 def _when(answer: WindowAnswer) -> str:
@@ -194,7 +238,7 @@ def window_before(stream: CameraStream, t_us: int, window_us: int) -> Window:
     return Window(stream.slice(end_us - window_us, end_us), end_us - window_us, end_us)
 
 
-def _region(request: TuneRequest, answer: WindowAnswer) -> Region:
+def _region(request: TuneRequest, answer: WindowAnswer, across: int) -> Region:
     """Visible region around the chosen point, else the ball, the region of interest, its last position, or the
     middle.
     """
@@ -212,4 +256,7 @@ def _region(request: TuneRequest, answer: WindowAnswer) -> Region:
         centre = request.last_px
     else:
         centre = (sensor.width_px / 2, sensor.height_px / 2)
-    return Region.around(*centre, sensor, view.zoom)
+    aspect = request.aspect
+    if aspect is not None:  # of each picture
+        aspect *= -(-len(request.configs) // across) / across
+    return Region.around(*centre, sensor, view.zoom, aspect)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -44,12 +45,17 @@ ROLE_INK: Final[dict[Role, int]] = {
 }
 VELOCITY_MS = 10.0
 """The line from a ball's centre is the way it goes in this time: longer than its radius, unless it is slow."""
+LATE_US: Final = 2_000
+"""An answer that is valid longer before the end of the shown window is broken and says by how much: the ball, and the
+events that are drawn last, have moved on since."""
 DOT_PX: Final = 1
 """Half the side of a point between pixels, in pixels of the picture."""
 
 
-def draw_stage(canvas: Canvas, window: Window, trace: MethodTrace, name: str, rendering: Rendering) -> None:
-    """Paint the events as a stage sees them, then the shapes that belong to it, and the ball."""
+def draw_stage(
+    canvas: Canvas, window: Window, trace: MethodTrace, name: str, rendering: Rendering, *, wrong: bool = False
+) -> None:
+    """Paint the events as a stage sees them, then the shapes that belong to it, and the ball; a `wrong` one in red."""
     view = trace.view(name)
     canvas.paint_pixels(_pixels(window, trace, name, rendering))
     for shape in view.shapes:
@@ -57,8 +63,9 @@ def draw_stage(canvas: Canvas, window: Window, trace: MethodTrace, name: str, re
     for ink in np.unique(view.dot_kinds).tolist():
         canvas.draw_dots(view.dots_px[view.dot_kinds == ink], KIND_INK[ink], half_px=DOT_PX)
     if trace.detection is not None and view.shows_ball:
-        draw_detection(canvas, trace.detection)
-        draw_velocity(canvas, trace.detection)
+        ink = PaletteIndex.HULL_REJECTED if wrong else PaletteIndex.CIRCLE
+        draw_detection(canvas, trace.detection, window.end_us, ink)
+        draw_velocity(canvas, trace.detection, ink)
     for shape in view.shapes:
         if shape.text:
             canvas.write(*shape.text_px, shape.text, PaletteIndex.TEXT)
@@ -87,14 +94,35 @@ def draw_answer(canvas: Canvas, answer: WindowAnswer, rendering: Rendering, ink:
     ball = answer.detection
     if ball is None:
         return
-    draw_detection(canvas, ball, ink)
+    draw_detection(canvas, ball, answer.window.end_us, ink)
     draw_velocity(canvas, ball, ink)
 
 
-def draw_detection(canvas: Canvas, detection: Detection, ink: int = PaletteIndex.CIRCLE) -> None:
-    """Draw the circle of a detected ball."""
+def draw_detection(canvas: Canvas, detection: Detection, end_us: int, ink: int = PaletteIndex.CIRCLE) -> None:
+    """Draw the circle of a detected ball where it was when the answer is valid, over events up to `end_us`."""
     thickness = 2 if canvas.scale >= 1 else 1  # in a binned picture a ball is only a few pixels wide
-    canvas.draw_circle(detection.u_px, detection.v_px, detection.r_px, ink, thickness=thickness)
+    u, v, r = detection.u_px, detection.v_px, detection.r_px
+    late_us = end_us - detection.t_us
+    if late_us <= LATE_US:
+        canvas.draw_circle(u, v, r, ink, thickness=thickness)
+        return
+    canvas.draw_broken_ring(u, v, max(1, round(r * canvas.scale)), ink, thickness=thickness)
+    canvas.write(u + r, v + r, f"{late_us / 1e3:.1f} ms earlier", ink)
+
+
+def miss_px(detection: Detection | None, truth: PixelTruth | None) -> float | None:
+    """Distance of an answer from the true ball at the answer's own time, px.
+
+    Infinite where there is no ball then; None without an answer, or where the truth is not known.
+    """
+    if detection is None or truth is None or not len(truth.t_us):
+        return None
+    if not truth.t_us[0] <= detection.t_us <= truth.t_us[-1]:
+        return None
+    there = truth.at(detection.t_us)
+    if not there.visible[0]:
+        return math.inf
+    return math.hypot(detection.u_px - float(there.u_px[0]), detection.v_px - float(there.v_px[0]))
 
 
 def draw_truth(canvas: Canvas, truth: PixelTruth | None, t_us: int) -> None:

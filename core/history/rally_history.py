@@ -262,6 +262,12 @@ class RallyHistory:
             self._outcomes.add(outcome.t_us, outcome)
             self._outcome_count += 1
 
+    def clear_outcomes(self) -> None:
+        """Forget the outcomes so far."""
+        with self._lock:
+            self._outcomes = _Line()
+            self._outcome_count += 1
+
     def forget_before(self, t_us: int) -> None:
         """Bound the memory of a live rally; of its outcomes the newest stay."""
         with self._lock:

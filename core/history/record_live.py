@@ -148,6 +148,11 @@ class LiveRecorder:
         """Whether it is still recording."""
         return self._thread.is_alive() and not self._ending
 
+    @property
+    def duration_us(self) -> int:
+        """What has been recorded so far, in the recording's own time; less than the wall time if that runs slower."""
+        return self._writer.duration_us
+
     def stop(self) -> int:
         """Finish the file; returns its duration in microseconds.
 

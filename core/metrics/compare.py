@@ -17,7 +17,7 @@ from core.detection import DetectorConfig
 from core.detection.methods import Method, make_detector, method_config
 from core.events import SensorSize
 from core.metrics.grid_score import GRID_US, askable, distance_us
-from core.metrics.run import LEAD_IN_US, TimedDetector, WindowAnswers, one_opencv_thread, run_detector
+from core.metrics.run import LEAD_IN_US, TimedDetector, WindowAnswers, duration_of, one_opencv_thread, run_detector
 from core.metrics.score import MATCH_RADIUS_PX
 from core.recordings import CameraStream, PixelTruth
 
@@ -252,6 +252,11 @@ def judge_run(run: MethodRun, reference: PixelReference, *, match_radius_px: flo
         right=right[known],
         error_px=error_px[known],
     )
+
+
+def judge_whole_run(run: MethodRun, stream: CameraStream, truth: PixelTruth) -> ClassifiedRun:
+    """Compare the answers to a whole recording with its truth, by the same rule and figures as `compare_methods`."""
+    return judge_run(run, _within(truth_reference(truth, stream.sensor), 0, duration_of(stream)))
 
 
 def bin_edges(start_us: int, end_us: int, *, most: int = 80, shortest_us: int = 10_000) -> NDArray[np.int64]:

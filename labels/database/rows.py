@@ -162,6 +162,29 @@ def value_before_settling(db: sqlite3.Connection, layer: int, t_us: int, *, upto
     ).fetchone()
 
 
+MERGE_TOOL: Final = "rallyscope labels merge"
+"""What an edit says that puts stores together, and leaves out labels in conflict."""
+
+
+def times_settled(db: sqlite3.Connection, layer: int, *, upto: int) -> NDArray[np.int64]:
+    """Times, ascending, at which a layer no longer says what its annotator said first, after the edit `upto`.
+
+    There the label settles a conflict, or a merge left it out because it was in one.
+    """
+    rows = db.execute(
+        "SELECT t_us FROM (SELECT t_us, max(edit) AS edit, state, source FROM changes WHERE layer = ? AND edit <= ? "
+        "GROUP BY t_us) JOIN edits USING (edit) WHERE source = ? OR (state IS NULL AND tool = ?) ORDER BY t_us",
+        (layer, upto, PositionSource.SETTLED.value, MERGE_TOOL),
+    )
+    return np.array([row[0] for row in rows], np.int64)
+
+
+def values_before_settling(db: sqlite3.Connection, layer: int, *, upto: int) -> list[tuple[int, Values | None]]:
+    """(time, `value_before_settling`) of every time of `times_settled`."""
+    times = times_settled(db, layer, upto=upto).tolist()
+    return [(t_us, value_before_settling(db, layer, t_us, upto=upto)) for t_us in times]
+
+
 def times_by_others(db: sqlite3.Connection, layer: int, annotator: str, *, upto: int) -> NDArray[np.int64]:
     """Times, ascending, whose label after the edit `upto` names somebody else than this annotator."""
     rows = db.execute(

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from labels.agreement import measure_agreement
 from labels.arrays import label_arrays
 from labels.conflicts import compare_layers, find_conflicts, how_settled, settled_by, settlement
 from labels.merging import merge_stores
@@ -81,6 +82,27 @@ def test_merging_takes_what_settles_a_conflict_and_lists_the_others(tmp_path: Pa
     kept = read_store(tmp_path / "c.sqlite").layers
     assert [list(kept[Layer(UUID, "left", name)]) for name in ("anna", "bea")] == [[2], []]
     assert merge_stores([one, two], tmp_path / "d.sqlite", prefer="bea").left_out == 2, "anna's mean, and bea's 3"
+
+
+def test_a_merged_store_still_knows_what_both_said_first_also_after_a_second_merge(tmp_path: Path) -> None:
+    """Of seven common labels two are in conflict: one was settled by anna, one is open and left out."""
+    theirs = ball(2, 30.0, made_at_us=9)
+    same = [ball(t_us, 1.0) for t_us in range(10, 15)]
+    one = make(tmp_path / "a", "anna", ball(2, 20.0), ball(3, 1.0), *same)
+    with LabelStore.open(tmp_path / "a", UUID, "left", "anna") as store:
+        store.put(ball(2, 25.0, made_at_us=12, settles=settlement("bea", theirs, "mean")))
+    two = make(tmp_path / "b", "bea", theirs, ball(3, 9.0), *same)
+    three = make(tmp_path / "c", "cleo", ball(20, 1.0))
+    home = tmp_path / "home" / UUID / "labels.sqlite"
+    home.parent.mkdir(parents=True)
+    merge_stores([one, two], tmp_path / "d.sqlite")
+    merge_stores([tmp_path / "d.sqlite", three], home)
+    anna, bea = (LabelStore.read(tmp_path / "home", Layer(UUID, "left", name)) for name in ("anna", "bea"))
+    assert len(anna.labels()) == 6 and len(bea.labels()) == 5, "the conflicts are merged as before"
+    found = measure_agreement(anna.independent().labels, bea.independent().labels)
+    assert found.common == 7 and found.p95_px > 8
+    assert anna.independent().labels.x_px[:2].tolist() == [20.0, 1.0]
+    assert bea.independent().settled_us.tolist() == [2, 3]
 
 
 def test_reading_a_store_that_nobody_has_open_leaves_no_trace(tmp_path: Path) -> None:

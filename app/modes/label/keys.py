@@ -85,8 +85,16 @@ def label_keys_html() -> str:
         for key, modifier, name, text in KEYS
         if not name.endswith("_more")
     )
-    hint = "Keys work wherever the mouse is, not while a field has the cursor. Drag: from the centre to the rim."
+    hint = "Keys work wherever the mouse is; Enter and Escape leave a field. Drag: from the centre to the rim."
     return f"<div style='font-size:12.5px;padding:4px 12px'>{hint}<table>{rows}</table></div>"
+
+
+def idle_key_text(name: str) -> str:
+    """Line about an act that changed nothing."""
+    for key, modifier, act, text in KEYS:
+        if act == name:
+            return f"Key {_shown(key, modifier)} ({text}) changes nothing here."
+    return "There is nothing to do here."
 
 
 def _shown(key: str, modifier: Modifier | None) -> str:

@@ -40,7 +40,9 @@ class LabelResultsPanel:
             self._pictures = gui.add_checkbox(
                 "With pictures", False, hint="A PNG of the events of each label; CSV has none"
             )
-            self._export = gui.add_button("Export labels", icon=viser.Icon.DOWNLOAD, hint="One ZIP file, downloaded")
+            self._export = gui.add_button(
+                "Export labels", icon=viser.Icon.DOWNLOAD, color="teal", hint="One ZIP file, downloaded"
+            )
             self._cancel = gui.add_button("Cancel", icon=viser.Icon.X, visible=False)
             self._status = gui.add_html("")
         when_clicked(scoring, score)

@@ -18,6 +18,8 @@ from app.pictures.palette import PaletteIndex
 from labels.assist import Proposals
 from labels.model import Label
 
+HERE_STYLE = "height:60px;overflow-y:auto"
+"""Style of the lines of one time: as high for one line as for three, or the controls below move under the mouse."""
 BRAND = f"rgb{theme.BRAND_RGB}"
 AMBER = "#ffb020"
 FAR_PX = 2.0
@@ -161,13 +163,14 @@ def here_html(
             lines.append(_residuals_html(agreement))
     if reason:
         lines.append(note_html(html_text(reason), BRAND))
-    return "".join(lines)
+    return f"<div style='{HERE_STYLE}'>{''.join(lines)}</div>"
 
 
 def agreement_words(agreement: CameraAgreement) -> str:
-    """How many cameras agree, as the beginning of a text; of a pair it is both."""
+    """How many cameras agree, or disagree, as the beginning of a text with the distance; of a pair it is both."""
     count = len(agreement.off_px)
-    return f"{count - len(agreement.left_out)} of {count} cameras agree to" if count else "cameras agree to"
+    which = f"{count - len(agreement.left_out)} of {count} cameras" if count else "cameras"
+    return f"{which} agree to" if agreement.residual_px < FAR_PX else f"{which} disagree by"
 
 
 def _residuals_html(agreement: CameraAgreement) -> str:
@@ -186,4 +189,4 @@ def proposals_html(proposals: Proposals | None, share: float | None, held: bool)
     if share is not None:
         waits = "; Enter waits for it, Escape forgets that" if held else ""
         return note_html(f"proposing: {percent(share)}, {count} so far{waits}", BRAND if held else theme.MUTED)
-    return note_html(f"{count} proposals", theme.MUTED) if count else ""
+    return note_html(f"{count} proposals" if count else "&nbsp;", theme.MUTED)  # empty, the buttons would move

@@ -58,6 +58,7 @@ class AutoTunePanel:
             self._start = gui.add_button(
                 "Tune automatically",
                 icon=viser.Icon.WAND,
+                color="teal",
                 hint="The chosen method, from config A; B becomes the result",
             )
             self._cancel = gui.add_button("Cancel tuning", icon=viser.Icon.X, visible=False)

@@ -48,7 +48,7 @@ class ComparePanel:
             )
             self._span = gui.add_dropdown("Over", tuple(SPANS))
             hint = "Recall, error and run time over the recording, and where each method fails"
-            self._start = gui.add_button("Compare over time", icon=viser.Icon.CHART_LINE, hint=hint)
+            self._start = gui.add_button("Compare over time", icon=viser.Icon.CHART_LINE, color="teal", hint=hint)
             self._cancel = gui.add_button("Cancel the comparison", icon=viser.Icon.X, visible=False)
             self._progress = gui.add_progress_bar(0.0, visible=False)
             self._result = gui.add_checkbox("Show the result", True, visible=False, hint="The panel on the left")

@@ -15,6 +15,8 @@ from app import theme
 from app.formatting import html_text, table_row
 from app.modes.tune.label_score import find_reference
 from app.pictures.palette import METHOD_RGB
+from app.state.client_state import Slot
+from app.state.config_words import settings_words
 from core.detection import DetectorConfig
 from core.detection.methods import Method
 from core.errors import CommandError
@@ -50,6 +52,8 @@ class CompareRequest:
     uuid: str
     stream: CameraStream
     configs: tuple[tuple[Method, DetectorConfig], ...]
+    slot: Slot
+    """The slot that the configs are of."""
     agree_with: Method | None
     """Reference method; None: the camera's truth or labels."""
     labels: Path
@@ -65,6 +69,8 @@ class ComparedMethod:
     """Result of one method."""
 
     judged: ClassifiedRun
+    config: str
+    """Slot and settings, in words."""
     curves: CurvesOverTime
     missed: tuple[ErrorRun, ...]
     false: tuple[ErrorRun, ...]
@@ -155,6 +161,7 @@ def run_comparison(
     methods = tuple(
         ComparedMethod(
             judged,
+            f"{request.slot}: {settings_words(judged.run.method, dict(request.configs)[judged.run.method])}",
             curves_over_time(judged, edges),
             missed_stretches(judged, outcome.reference),
             false_stretches(judged),
@@ -184,7 +191,7 @@ def comparison_html(answer: CompareAnswer) -> str:
     titles = ("", "shared" if agreement else "recall", "precision", "px p50 / p95", "ms p50 / p99")
     head = table_row(titles, f"text-align:left;font-weight:500;{CELL}", tag="th")
     rows = "".join(_row(one) for one in answer.methods)
-    counted = f"against {name}: a ball counts as found within 8 px"
+    counted = f"against {name}, counted as in Score: a ball counts as found within 8 px"
     if agreement:
         counted = (
             f"<b>agreement with {name}, not error</b>: shared is how many of its balls a method has too, "
@@ -237,7 +244,8 @@ def stretches_html(answer: CompareAnswer, method: Method, *, missed: bool) -> st
 def _row(one: ComparedMethod) -> str:
     judged = one.judged
     cells = (
-        f"<span style='color:{method_css(one.method)}'>●</span> {one.method}",
+        f"<span style='color:{method_css(one.method)}'>●</span> {html_text(one.method)}"
+        f"<br><span style='color:{theme.MUTED};white-space:normal'>{html_text(one.config)}</span>",
         _ratio(judged.recall),
         _ratio(judged.precision),
         f"{_number(judged.error_at(50))} / {_number(judged.error_at(95))}",

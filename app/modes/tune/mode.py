@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-import numpy as np
-
 from app.background.jobs import LatestWins, LoopJob, Progress
 from app.modes.mode import Middle, ModeHost
 from app.modes.tune.auto_tune import AutoTune
@@ -15,19 +13,19 @@ from app.modes.tune.compare_run import KnownReferences
 from app.modes.tune.label_score import LabelScore, find_reference, score_with_labels
 from app.modes.tune.nothing_found import NothingFound, SampleRequest
 from app.modes.tune.results_panel import ResultsPanel
+from app.modes.tune.run_score import RunScore, score_run
 from app.modes.tune.settings import ConfigFilesPanel, SettingsPanel, TuneViewPanel, detect_command
 from app.panels.time_bar import Runs, runs_of_verdicts
 from app.state.client_state import SLOTS, ClientState, Slot
 from app.state.commands import BeginScore, Command, LookAt, UseConfig
+from app.state.config_words import config_words
 from app.views.answer_cache import AnswerCache
 from app.views.methods_picture import MethodsRequest, answer_methods
 from app.views.requests import PictureAnswer, TuneRequest, answer_request
 from core.detection import DetectorConfig
-from core.detection.methods import METHODS, Method, make_detector
+from core.detection.methods import METHODS, Method
 from core.detection.saved import load_detector
-from core.metrics import judge_answers, known_truth, run_detector
-from core.metrics.run import TimedDetector
-from core.metrics.streaming import TimedRun
+from core.metrics import judge_answers, known_truth
 from core.recordings import Recording
 
 PROGRESS_EVERY_S: Final = 0.1
@@ -46,7 +44,7 @@ class TuneMode:
         self._shown: ClientState | None = None
         self._requested: object = None
         self._progress_s = self._offered_s = float("-inf")
-        self._score = LoopJob[TimedRun | LabelScore](
+        self._score = LoopJob[RunScore | LabelScore](
             host.later, host.report, lambda: self._results.score.show_running(False)
         )
         self._answers = AnswerCache()
@@ -55,11 +53,11 @@ class TuneMode:
         self._picked: tuple[int, tuple[float, float]] | None = None
         """The time and place of the last click into the picture."""
         self._known = KnownReferences()
-        self._pictures = LatestWins(host.pool, _answer, self._picture_done, self._failed)
+        self._pictures = LatestWins(host.pool, _answer, self._picture_done, self._picture_failed)
         gui = host.client.gui
         self._view = TuneViewPanel(gui, self._send)
         self._settings = SettingsPanel(gui, self._send)
-        self._compare = CompareOverTime(host, self._send, lambda width_px: self._results.make_room(width_px))
+        self._compare = CompareOverTime(host, self._send)
         self._results = ResultsPanel(gui, lambda: host.later(self._start_score), lambda: host.later(self._score.cancel))
         self._nothing = NothingFound(
             host.pool, host.later, self._failed, lambda html: self._results.candidates.show_nothing_found(html)
@@ -129,7 +127,7 @@ class TuneMode:
         self._compare.tick(wall_s)
         self._nothing.want(self._sample, wall_s)
         self._nothing.tick(wall_s)
-        self._request_picture(state, now_us)
+        self._request_picture(state, now_us, wall_s)
 
     def clicked(self, x: float, y: float) -> None:
         """Centre the zoomed view on the click; a cluster there moves to the top of the table."""
@@ -163,7 +161,7 @@ class TuneMode:
 
     # Pictures -----------------------------------------------------------------------------------------------------
 
-    def _request_picture(self, state: ClientState, now_us: int) -> None:
+    def _request_picture(self, state: ClientState, now_us: int, wall_s: float) -> None:
         recording, view = self._host.recording, state.tune
         self._now_us = now_us
         if recording is None:
@@ -173,10 +171,12 @@ class TuneMode:
             (slot, state.history.present.of(slot)) for slot in slots
         )
         compared = tuple(state.config_of(method) for method in view.compared) if view.side_by_side else ()
-        key = (recording.uuid, state.camera, now_us, state.look, view, configs, compared)
+        key = (recording.uuid, state.camera, now_us, state.look, view, configs, compared, self._host.plane.free_aspect)
         if key != self._requested:
             self._requested = key
-            self._pictures.submit(self._request(state, recording, now_us, configs))
+            request = self._request(state, recording, now_us, configs)
+            self._host.plane.freshness.ask(request, wall_s)
+            self._pictures.submit(request)
 
     def _request(
         self, state: ClientState, recording: Recording, now_us: int, configs: tuple[tuple[Slot, DetectorConfig], ...]
@@ -184,7 +184,8 @@ class TuneMode:
         stream, view = recording.cameras[state.camera], state.tune
         if not view.side_by_side:
             last_px = self._last_px.get(state.camera)
-            return TuneRequest(stream, now_us, state.look, view, configs, self._answers, last_px)
+            aspect = self._host.plane.free_aspect
+            return TuneRequest(stream, now_us, state.look, view, configs, self._answers, last_px, aspect)
         methods: tuple[tuple[Method, DetectorConfig], ...] = tuple(
             (method, state.config_of(method)) for method in view.compared
         )
@@ -196,10 +197,14 @@ class TuneMode:
     def _picture_done(self, request: TuneRequest | MethodsRequest, answer: PictureAnswer) -> None:
         self._host.later(lambda: self._show_answer(request, answer))
 
+    def _picture_failed(self, error: Exception) -> None:
+        self._host.later(self._host.plane.freshness.failed)
+        self._failed(error)
+
     def _show_answer(self, request: TuneRequest | MethodsRequest, answer: PictureAnswer) -> None:
         if not self._active:
             return
-        self._host.plane.show(answer.sheet)
+        self._host.plane.show(answer.sheet, request)
         if isinstance(request, TuneRequest):
             for found in answer.found[:1]:
                 if found.detection is not None:
@@ -211,21 +216,22 @@ class TuneMode:
                 self._settings.show_trace(answer.found[names.index(request.view.slot)].trace)
                 picked_px = self._picked[1] if self._picked and self._picked[0] == request.t_us else None
                 titled = zip((f"Config {name}" for name in names), answer.found, strict=True)
-                self._results.candidates.show(tuple(titled), answer.seconds, picked_px)
+                self._results.candidates.show(tuple(titled), answer.seconds, picked_px, answer.misses_px)
             else:
                 self._settings.show_trace(None)
                 self._results.candidates.show_verdicts(tuple(zip(names, answer.found, strict=True)), answer.seconds)
 
     def _sample_for(self, request: TuneRequest | MethodsRequest, answer: PictureAnswer) -> SampleRequest | None:
-        """What to sample of the recording after a window without a ball; a live one grows and is not sampled."""
+        """What to sample of the recording after a window without a ball."""
         state, recording = self._host.state, self._host.recording
-        if not isinstance(request, TuneRequest) or state is None or recording is None or state.playhead.live:
+        if not isinstance(request, TuneRequest) or state is None or recording is None:
             return None
         if any(found.detection is not None for found in answer.found):
             return None
         stream, method = request.stream, request.view.method
         key = (recording.uuid, stream.name, method, state.config_of(method))
-        return SampleRequest(key, stream, method, {name: state.config_of(name) for name in METHODS})
+        configs: dict[Method, DetectorConfig] = {name: state.config_of(name) for name in METHODS}
+        return SampleRequest(key, stream, method, configs, state.playhead.live)
 
     # Config files -------------------------------------------------------------------------------------------------
 
@@ -255,19 +261,18 @@ class TuneMode:
             return
         stream, config = recording.cameras[state.camera], state.config
         method, added_us = state.tune.method, self._results.score.added_us
-        title = f"{state.recording}, {state.camera}, {method}, config {state.tune.slot}"
+        title = f"{state.recording}, {state.camera}, {config_words(method, state.tune.slot, config)}"
         folder, uuid, later = self._host.services.workspace.labels, recording.uuid, self._host.later
 
-        def work(progress: Progress, cancelled: Callable[[], bool]) -> TimedRun | LabelScore:
+        def work(progress: Progress, cancelled: Callable[[], bool]) -> RunScore | LabelScore:
             # What a person said, else what the simulation knows.
             reference = find_reference(folder, uuid, stream.name, annotator)
             if reference is None:
-                detector = TimedDetector(make_detector(method, stream.sensor, config))
-                truth, window_us = known_truth(stream), config.window.window_us
-                answers = run_detector(stream, detector, window_us, progress=progress, cancelled=cancelled)
-                runs = runs_of_verdicts(judge_answers(answers, truth), window_us)
+                truth = known_truth(stream)
+                score = score_run(stream, truth, method, config, progress=progress, cancelled=cancelled)
+                runs = runs_of_verdicts(judge_answers(score.timed.answers, truth), score.judged.run.window_us)
                 later(lambda: self._show_verdicts(uuid, runs))
-                return TimedRun(answers, truth, 1e6 * np.array(detector.seconds))
+                return score
             return score_with_labels(
                 *(folder, reference, stream, method, config, added_us), progress=progress, cancelled=cancelled
             )
@@ -281,7 +286,7 @@ class TuneMode:
         if self._score.running and recording is not None and recording.uuid == uuid:
             self._host.show_runs("detector", runs)
 
-    def _score_done(self, title: str, score: TimedRun | LabelScore, *, announced: bool) -> None:
+    def _score_done(self, title: str, score: RunScore | LabelScore, *, announced: bool) -> None:
         self._results.score.show_score(title, score)
         if announced and self._active:
             self._results.score.show_window()

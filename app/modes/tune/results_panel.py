@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Final
 
@@ -11,17 +12,17 @@ import viser
 from app import theme
 from app.formatting import html_text, table_row
 from app.modes.tune.label_score import LabelScore, label_score_html
+from app.modes.tune.run_score import RunScore, run_score_row, run_scores_html
 from app.modes.tune.settings import setting_anchor, stage_counts_html
-from app.panels.keys import float_below_pictures, place_below_pictures
+from app.panels.keys import place_below_pictures
 from app.pictures.palette import palette
+from app.views.requests import is_wrong
 from app.views.stage_picture import KIND_INK, cluster_colour_index
 from app.widgets import when_changed, when_clicked
 from core.detection import Detection, RefinedDetection
 from core.detection.method_trace import CandidateRow, MethodTrace, Residuals
 from core.detection.reasons import FIXED, Reason, ReasonCount
-from core.metrics import Score
 from core.metrics.run import WindowAnswer
-from core.metrics.streaming import StreamingScore, TimedRun
 
 KEPT = 6
 """Scores shown below each other, newest first, so that changes can be compared."""
@@ -33,11 +34,11 @@ class ScorePanel:
 
     def __init__(self, gui: viser.GuiApi, start: Callable[[], None], cancel: Callable[[], None]) -> None:
         self._gui = gui
-        self._start = gui.add_button("Score this config on the whole recording", icon=viser.Icon.TARGET)
-        self._cancel = gui.add_button("Cancel", icon=viser.Icon.X, visible=False)
-        self._progress = gui.add_progress_bar(0.0, visible=False)
-        self._table = gui.add_html(stage_counts_html("not scored yet"))
         self._labels = gui.add_html("", visible=False)
+        self._table = gui.add_html(stage_counts_html("not scored yet"))
+        self._progress = gui.add_progress_bar(0.0, visible=False)
+        self._start = gui.add_button("Score this config on the whole recording", icon=viser.Icon.TARGET, color="teal")
+        self._cancel = gui.add_button("Cancel", icon=viser.Icon.X, visible=False)
         self._delay = gui.add_number(
             "Delay of my system [ms]",
             0.0,
@@ -46,7 +47,7 @@ class ScorePanel:
             step=0.5,
             hint="What an answer takes besides computing: cables, the network, the robot. For the score in time",
         )
-        self._runs: list[tuple[str, TimedRun]] = []
+        self._runs: list[tuple[str, RunScore]] = []
         when_changed(self._delay, lambda _: self._show_runs())
         when_clicked(self._start, start)
         when_clicked(self._cancel, cancel)
@@ -74,7 +75,7 @@ class ScorePanel:
             self._gui.add_html(f"<div data-rallyscope='wide' style='overflow-x:auto'>{self._labels.content}</div>")
             when_clicked(self._gui.add_button("Close", icon=viser.Icon.CHECK), modal.close)
 
-    def show_score(self, title: str, score: TimedRun | LabelScore) -> None:
+    def show_score(self, title: str, score: RunScore | LabelScore) -> None:
         """Add a row; a score against labels has a table and a picture of its own."""
         if isinstance(score, LabelScore):
             self._labels.content = label_score_html(title, score)
@@ -87,41 +88,8 @@ class ScorePanel:
 
     def _show_runs(self) -> None:
         if self._runs:
-            rows = [_score_row(title, run.score(), run.in_time(self.added_us)) for title, run in self._runs]
-            self._table.content = score_html(rows)
-
-
-def score_html(rows: list[str]) -> str:
-    """The table of scores."""
-    titles = (
-        *("", "precision", "recall", "mean error", "median error", "found", "missed", "false"),
-        *("in time: age", "recall", "error held", "moved on"),
-    )
-    head = table_row(titles, "text-align:left;font-weight:500", tag="th")
-    return (
-        "<div style='font-size:12.5px;padding:4px 12px'>"
-        f"<table style='width:100%'>{head}{''.join(rows)}</table>"
-        "a ball counts as found within 8 px of the truth at the estimate's own time; in time: the newest answer "
-        "that has arrived by then, its median age and error where it was and moved on by the ball's velocity</div>"
-    )
-
-
-def _score_row(title: str, score: Score, in_time: StreamingScore) -> str:
-    cells = (
-        html_text(title),
-        f"{score.precision:.3f}",
-        f"{score.recall:.3f}",
-        f"{score.mean_error_px:.2f} px",
-        f"{score.median_error_px:.2f} px",
-        score.found,
-        score.missed,
-        score.false,
-        f"{1e-3 * in_time.age_median_us:.2f} ms",
-        f"{in_time.moved.recall:.3f}",
-        f"{in_time.held_median_px:.2f} px",
-        f"{in_time.moved_median_px:.2f} px",
-    )
-    return table_row(cells)
+            rows = [run_score_row(title, run, self.added_us) for title, run in self._runs]
+            self._table.content = run_scores_html(rows)
 
 
 LISTED = 40
@@ -144,37 +112,60 @@ class CandidatesTable:
         answers: tuple[tuple[str, WindowAnswer], ...],
         seconds: float,
         picked_px: tuple[float, float] | None = None,
+        misses_px: tuple[float | None, ...] = (),
     ) -> None:
-        """Show the candidates of each answer, under a title if there are several; a clicked one comes first."""
+        """Show the candidates of each answer, under a title if there are several; a clicked one comes first.
+
+        `misses_px` are their distances from the truth, see `miss_px`; empty if that is not shown.
+        """
         several = len(answers) > 1
-        tables = (answer_html(title if several else "", answer, picked_px) for title, answer in answers)
-        self._table.content = "".join(tables) + stage_counts_html(f"picture made in {seconds * 1e3:.0f} ms")
+        tables = (
+            answer_html(title if several else "", answer, picked_px, misses_px[number] if misses_px else None)
+            for number, (title, answer) in enumerate(answers)
+        )
+        self._show(f"{''.join(tables)}{stage_counts_html(f'picture made in {seconds * 1e3:.0f} ms')}")
 
     def show_verdicts(self, answers: tuple[tuple[str, WindowAnswer], ...], seconds: float) -> None:
         """Show only what each of several methods answers."""
         lines = "".join(verdict_html(title, answer) for title, answer in answers)
-        self._table.content = lines + stage_counts_html(f"picture made in {seconds * 1e3:.0f} ms")
+        self._show(lines + stage_counts_html(f"picture made in {seconds * 1e3:.0f} ms"))
+
+    def _show(self, content: str) -> None:
+        self._table.content = answer_of_window_html(content)
 
     def show_nothing_found(self, content: str) -> None:
         """Show why nothing is found in the whole recording; nothing if empty."""
-        self._nothing.content = content
+        self._nothing.content = answer_of_window_html(content)
         self._nothing.visible = bool(content)
 
 
-def answer_html(title: str, answer: WindowAnswer, picked_px: tuple[float, float] | None = None) -> str:
-    """HTML of one answer with its candidates."""
+def answer_of_window_html(content: str) -> str:
+    """HTML that the page greys while it is not the answer to what is asked, see `stale.js`."""
+    return f"<div class='rallyscope-answer'>{content}</div>" if content else ""
+
+
+def answer_html(
+    title: str,
+    answer: WindowAnswer,
+    picked_px: tuple[float, float] | None = None,
+    distance_px: float | None = None,
+) -> str:
+    """HTML of one answer with its candidates; `distance_px` is that from the truth, see `miss_px`."""
     trace = answer.trace
     if trace is None or not trace.titles:
-        return verdict_html(title, answer)
-    return candidates_html(title, trace, candidate_at(trace, picked_px), facts=answer_facts(answer))
+        return verdict_html(title, answer, distance_px)
+    picked = candidate_at(trace, picked_px)
+    return candidates_html(title, trace, picked, facts=answer_facts(answer), distance_px=distance_px)
 
 
-def verdict_html(title: str, answer: WindowAnswer) -> str:
+def verdict_html(title: str, answer: WindowAnswer, distance_px: float | None = None) -> str:
     """HTML of one answer without candidates."""
     label = f"{html_text(title)}: " if title else ""
     window = answer.window
     length_ms = (window.end_us - window.start_us) / 1e3
-    lines = [f"{label}{_verdict(answer.detection)} &middot; {len(window.events)} events in {length_ms:g} ms"]
+    lines = [
+        f"{label}{_verdict(answer.detection, distance_px)} &middot; {len(window.events)} events in {length_ms:g} ms"
+    ]
     reasons = () if answer.trace is None else answer.trace.reasons
     lines += [reasons_html(reasons)] if reasons else []
     lines += answer_facts(answer)
@@ -186,7 +177,8 @@ def answer_facts(answer: WindowAnswer) -> list[str]:
     """Phrases about the ball: when it is valid, how it moves, how sure it is."""
     ball, facts = answer.detection, []
     if ball is not None:
-        facts.append(f"valid {(answer.window.end_us - ball.t_us) / 1e3:.2f} ms before the end of the window")
+        late_ms = (answer.window.end_us - ball.t_us) / 1e3
+        facts.append(f"position at {ball.t_us / 1e3:.3f} ms, {late_ms:.2f} ms before the end of the window")
     if isinstance(ball, RefinedDetection):
         sigma_px = float(ball.centre_covariance_px2.trace()) ** 0.5
         facts.append(f"moves ({ball.vu_px_per_ms:+.2f}, {ball.vv_px_per_ms:+.2f}) px/ms")
@@ -194,11 +186,17 @@ def answer_facts(answer: WindowAnswer) -> list[str]:
     return facts
 
 
-def _verdict(found: Detection | None) -> str:
+def _verdict(found: Detection | None, distance_px: float | None) -> str:
     if found is None:
         return f"<b style='color:{theme.BAD}'>no ball</b>"
-    where = f"({found.u_px:.1f}, {found.v_px:.1f})"
-    return f"<b style='color:{theme.GOOD}'>ball at {where}, radius {found.r_px:.1f} px</b>"
+    ball = f"ball at ({found.u_px:.1f}, {found.v_px:.1f}), radius {found.r_px:.1f} px"
+    if distance_px is None:
+        return f"<b style='color:{theme.GOOD}'>{ball}</b>"
+    if math.isinf(distance_px):
+        return f"<b style='color:{theme.BAD}'>{ball}: false, there is no ball at this time</b>"
+    if is_wrong(distance_px):
+        return f"<b style='color:{theme.BAD}'>{ball}: {distance_px:.1f} px off the true ball, not found</b>"
+    return f"<b style='color:{theme.GOOD}'>{ball}</b>, {distance_px:.2f} px off the true ball"
 
 
 def candidate_at(trace: MethodTrace, point_px: tuple[float, float] | None) -> int | None:
@@ -212,12 +210,19 @@ def candidate_at(trace: MethodTrace, point_px: tuple[float, float] | None) -> in
     return label if nearest_px <= PICK_PX else None
 
 
-def candidates_html(name: str, trace: MethodTrace, picked: int | None = None, *, facts: Sequence[str] = ()) -> str:
+def candidates_html(
+    name: str,
+    trace: MethodTrace,
+    picked: int | None = None,
+    *,
+    facts: Sequence[str] = (),
+    distance_px: float | None = None,
+) -> str:
     """HTML of the candidates of one window; the selected one comes first, highlighted, with its residuals."""
-    verdict = _verdict(trace.detection)
+    verdict = _verdict(trace.detection, distance_px)
     ordered = sorted(trace.candidates, key=lambda one: (one.label != picked, bool(one.reasons), -one.order))
     titles = ("", trace.noun, *trace.titles, "verdict")
-    head = table_row(titles, f"{CELL};text-align:left;font-weight:500;color:{theme.MUTED}", tag="th")
+    head = table_row(titles, f"{CELL};padding-right:6px;text-align:left;font-weight:500;color:{theme.MUTED}", tag="th")
     rows = "".join(_candidate_row(candidate, candidate.label == picked) for candidate in ordered[:LISTED])
     more = f"<div>and {len(ordered) - LISTED} more</div>" if len(ordered) > LISTED else ""
     label = f"{html_text(name)}: " if name else ""
@@ -228,7 +233,8 @@ def candidates_html(name: str, trace: MethodTrace, picked: int | None = None, *,
     shown = next((one for one in ordered if one.residuals is not None), None)
     plot = residuals_html(trace.noun, shown.label, shown.residuals) if shown is not None and shown.residuals else ""
     table = f"<table style='width:100%;border-spacing:0'>{head}{rows}</table>"
-    return f"<div style='{TIGHT}'>{summary}{table}{more}{plot}</div>"
+    rows_html = f"<div style='flex:1;min-width:0'>{summary}{table}{more}</div>"
+    return f"<div style='{TIGHT};display:flex;gap:12px'>{rows_html}{plot}</div>"
 
 
 def reasons_html(reasons: Sequence[Reason | ReasonCount]) -> str:
@@ -257,8 +263,8 @@ def _candidate_row(candidate: CandidateRow, picked: bool) -> str:
     return table_row(cells, CELL, row_style="background:rgba(255,140,40,0.25)" if picked else "")
 
 
-PLOT_PX: Final = (420, 74)
-"""Width and height of the plot of residuals."""
+PLOT_PX: Final = (250, 70)
+"""Width and height of the plot of residuals: with its title it is as high as the rows of the panel."""
 PLOT_SPAN_PX: Final = 2.5
 """Residual at its upper edge: the width of the band of edge points."""
 PLOTTED: Final = 400
@@ -266,7 +272,10 @@ PLOTTED: Final = 400
 
 
 def residuals_html(noun: str, label: int, residuals: Residuals) -> str:
-    """A small plot of the edge points' distances from the circle over their direction, and the limit of their rms."""
+    """A small plot of the edge points' distances from the circle over their direction, and the limit of their rms.
+
+    It stays beside the rows while they scroll: below them it was out of sight in a window of 720 px.
+    """
     width, height = PLOT_PX
     every = max(1, len(residuals.angle_rad) // PLOTTED)
     x = (residuals.angle_rad[::every] / (2 * np.pi) + 0.5) * width
@@ -284,13 +293,15 @@ def residuals_html(noun: str, label: int, residuals: Residuals) -> str:
             ((0.5 + residuals.limit_px / PLOT_SPAN_PX / 2) * height, "3 3"),
         )
     )
-    text = (
-        f"residuals of {noun} {label} [±{PLOT_SPAN_PX:g} px] over the direction from its motion, -180° to 180°; "
+    legend = (
+        "distance of the edge points from the circle, over their direction from its motion, -180° to 180°; "
         "green leading, blue trailing edge, red outliers; dashed: the limit of their rms"
     )
     return (
-        f"<div style='color:{theme.MUTED}'>{text}</div><svg width='{width}' height='{height}' role='img' "
-        f"aria-label='residuals'>{limits}{dots}</svg>"
+        f"<div style='flex:none;position:sticky;top:0;align-self:flex-start;width:{width}px' title='{legend}'>"
+        f"<div style='color:{theme.MUTED};font-size:11px'>residuals of {noun} {label}, ±{PLOT_SPAN_PX:g} px, "
+        f"-180° to 180°</div><svg width='{width}' height='{height}' role='img' "
+        f"aria-label='residuals: {legend}' style='display:block'>{limits}{dots}</svg></div>"
     )
 
 
@@ -306,13 +317,6 @@ class ResultsPanel:
         with self.panel.add_tab("Auto-tune", viser.Icon.WAND):
             self._tuned = gui.add_html(stage_counts_html("no tuning yet: open Auto-tune on the right"))
         place_below_pictures(gui, self.panel)
-        self._taken_px = 0
-
-    def make_room(self, width_px: int) -> None:
-        """Leave this much of the window's width free at the left."""
-        if width_px != self._taken_px:
-            self._taken_px = width_px
-            float_below_pictures(self.panel, narrower_px=width_px)
 
     def show_tuned(self, content: str) -> None:
         """Show the result of automatic tuning."""

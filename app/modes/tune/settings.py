@@ -162,7 +162,8 @@ def count_html(count: StageCount) -> str:
     share = f" ({percent(count.count_out / count.count_in)})" if alike and count.count_in else ""
     before = f"{count.count_in}" if alike else f"{count.count_in} {html_text(count.unit_in)}"
     seconds = "" if count.seconds is None else f" &middot; {count.seconds * 1e3:.2f} ms"
-    return stage_counts_html(f"{before} &rarr; <b>{count.count_out}</b> {html_text(count.unit)}{share}{seconds}")
+    kept = f"{before} &rarr; <b>{count.count_out}</b> {html_text(count.unit)}{share}{seconds}"
+    return f"<div class='rallyscope-answer'>{stage_counts_html(kept)}</div>"  # grey while outdated
 
 
 class DebouncedEdit:

@@ -39,6 +39,8 @@ THROTTLED_S = 0.5
 """Interval of pictures and figures on a throttled page; both at once, so that the panel is drawn once."""
 CONTROLLERS_EVERY_S = 2.0
 LEAD_TIMES_EVERY_S = 2.0
+OLDEST_US = 2_000
+"""An older circle is not drawn over a camera's events: it is where the ball was. The length of the chain's windows."""
 PICTURE_PX = (1280, 720)
 ACTION_LIMIT_DEG = TaskConfig().stroke.action_limit_deg
 
@@ -190,7 +192,8 @@ class WatchMode:
         if recording is None or (state.playhead.playing and wall_s - self._pictures_s < every_s):
             return
         self._pictures_s = wall_s
-        step = None if moment.step is None or moment.step.t_us < moment.t_us - 10_000 else moment.step
+        shown_us = min(state.look.window_us, OLDEST_US)  # a circle belongs to the events that are drawn
+        step = None if moment.step is None or moment.step.t_us < moment.t_us - shown_us else moment.step
         circles = {} if step is None else step.circles
         used = frozenset() if step is None or step.point is None else frozenset(step.point.uvs_px)
         with_truth = "True ball" not in state.watch.hidden

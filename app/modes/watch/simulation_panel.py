@@ -28,7 +28,10 @@ def returned_html(rates: tuple[ReturnRate, ...]) -> str:
     if not rates:
         return f"<div style='{style};color:{theme.MUTED}'>No ball has been completed yet.</div>"
     rows = "".join(_row(rate) for rate in rates)
-    left_out = "With 95 % intervals. Balls during which controller or scene changed are not counted."
+    left_out = (
+        "With 95 % intervals. Balls during which controller or scene changed, and those served before the chain "
+        "followed, are not counted."
+    )
     note = f"<div style='color:{theme.MUTED}'>{left_out}</div>"
     return f"<div style='{style}'><table style='width:100%'>{rows}</table>{note}</div>"
 
@@ -64,7 +67,9 @@ class SimulationPanel:
         self._host = host
         self._folder = gui.add_folder("Simulation (shared by all browsers)")
         with self._folder:
-            self._serve = gui.add_button("Serve", icon=viser.Icon.PING_PONG, hint="A ball at the chosen speed")
+            self._serve = gui.add_button(
+                "Serve", icon=viser.Icon.PING_PONG, color="teal", hint="A ball at the chosen speed"
+            )
             self._speed = gui.add_slider("Serve speed [m/s]", *SPEEDS_MPS, 0.5, 5.0)
             self._auto = gui.add_checkbox("Auto-serve", True, hint=tooltip("Auto-serve"))
             self._pause = gui.add_button_group("Clock", (STOP, RUN, STEP), hint=f"Step: one block. {tooltip('Block')}")
@@ -83,7 +88,7 @@ class SimulationPanel:
             with gui.add_folder("Returned"):
                 self._returned = gui.add_html(returned_html(()))
                 self._count_anew = gui.add_button("Count anew", icon=viser.Icon.REFRESH, hint="For all browsers")
-        when_clicked(self._count_anew, rally.returns.clear)
+        when_clicked(self._count_anew, rally.reset_counts)
         when_clicked(self._serve, lambda: self._ask(lambda: client.serve(self._speed.value)))
         when_changed(self._speed, lambda _: self._auto_serve() if self._auto.value else None)
         when_changed(self._auto, lambda _: self._auto_serve())
@@ -131,7 +136,7 @@ class SimulationPanel:
 
     def _change_scene(self, name: object) -> None:
         if name in SCENES:
-            self._ask(lambda: self._client.set_scene(str(name)))
+            self._ask(lambda: self._rally.change_scene(str(name)))
 
     def _auto_serve(self) -> None:
         speed = _bounded(self._speed.value, SPEEDS_MPS) if self._auto.value else 0.0

@@ -77,7 +77,7 @@ class RecordButton:
     def show(self) -> None:
         """Show whether a recording is being written, and for how long."""
         recorded = self._rally.recorded
-        label = RECORD if recorded is None else f"Stop recording ({self._rally.recorded_s:.0f} s)"
+        label = RECORD if recorded is None else f"Stop recording ({self._rally.recorded_s:.1f} s)"
         if self._button.label != label:
             self._button.label = label
             self._button.icon = viser.Icon.PLAYER_RECORD if recorded is None else viser.Icon.PLAYER_STOP

@@ -22,7 +22,6 @@ from core.live.link.messages import WorldState
 from core.live.live_snapshot import RallySnapshot
 from core.live.stream_watch import CameraHealth
 from core.physics.episode import Case
-from core.trajectory.prediction import HitPlane
 
 REMEDY = "A camera or lens was moved: calibrate again"
 
@@ -51,6 +50,15 @@ def drift_words(report: DriftReport) -> str:
     return f"The calibration{names} has drifted{how_far}"
 
 
+CHANGING = (
+    "Ball speed",
+    "Hit in",
+    "Stereo mismatch",
+    "Placed by",
+    "Hit predicted before the bounce",
+    "Hit predicted after the bounce",
+)
+"""Rows that stay without a value: in every flight they come and go, and the others would move."""
 READ_US: Final = 1_000_000
 """The prediction of a hit is shown this long after it."""
 STAGES: Final = {"pre": "before the bounce", "post": "after the bounce"}
@@ -77,7 +85,7 @@ def moment_html(
     sent = moment.sent
     rows = [
         ("Ball speed", "-" if moment.speed_mps is None else f"{moment.speed_mps:.2f} m/s"),
-        ("Hit in", _contact(step, moment.t_us)),
+        ("Hit at", _hit_at(moment)),
         ("Stereo mismatch", _residual(step)),
         *([("Placed by", _used(step, cameras))] if len(cameras) > 2 else []),
         *([] if drift is None else [drift_row(drift)]),
@@ -98,7 +106,7 @@ def moment_html(
         rows += [("Last stroke, as seen", _last(moment.outcomes)), ("Strokes, as seen", _balls(moment.outcomes))]
     if followed < 1:
         rows.append(("Followed", muted(f"has processed {percent(followed)} of the recording")))
-    return figures_html(rows)
+    return figures_html([row for row in rows if row[1] != "-" or row[0] in CHANGING])
 
 
 def live_html(snapshot: RallySnapshot, state: WorldState, status: str, cameras: tuple[CameraHealth, ...] = ()) -> str:
@@ -116,8 +124,8 @@ def live_html(snapshot: RallySnapshot, state: WorldState, status: str, cameras: 
     if state.readout_delayed or state.readout_dropped:
         rows.append(("Sensor readout", _readout(state)))
     if health.blocks_dropped:
-        skipped = f"{health.blocks_dropped} since the session began (100 per second): this machine was busy"
-        rows.append(("Skipped blocks", muted(f"{skipped}. Many? Choose a slower Pace")))
+        skipped = f"{health.blocks_dropped} blocks of 10 ms since the session began: this machine was busy"
+        rows.append(("Skipped blocks", muted(f"{skipped}. A recording has them. Many? Choose a slower Pace")))
     if snapshot.problem:
         rows.append(("Problem", coloured(theme.BAD, html_text(snapshot.problem))))
     return figures_html(rows)
@@ -132,7 +140,7 @@ def _simulation(state: WorldState, status: str) -> str:
     speed = state.speed_factor * state.kept_share
     if state.kept_share < 1.0:
         asked = "" if state.speed_factor == 1.0 else f" instead of {pace_words(state.speed_factor)}"
-        kept = f"{pace_words(speed)}{asked}: this machine is busy. No events are dropped"
+        kept = f"{pace_words(speed)}{asked}: this machine is busy"
         return coloured(theme.WARN, f"{html_text(status)}, {kept}")
     pace = f"{min(state.real_time_factor, speed):.2f} x real time"
     if state.real_time_factor < 0.95 * speed:
@@ -156,18 +164,15 @@ def landing_legend_html() -> str:
     return f"<div style='font-size:12px;color:{theme.MUTED};padding:2px 12px'>{spots}</div>"
 
 
-def _contact(step: RallyStep | None, t_us: int) -> str:
-    hit = _newest_hit(step)
-    if hit is None or hit.t_s * 1e6 < t_us:
+def _hit_at(moment: RallyMoment) -> str:
+    """Predicted time of the hit that the 3D view counts down to.
+
+    Not a second countdown: these figures change a few times a second, and would be behind the 3D view.
+    """
+    hit_in_s = moment.picture.hit_in_s
+    if hit_in_s is None:
         return "-"
-    return f"<b style='color:{theme.GOOD}'>{(hit.t_s * 1e6 - t_us) / 1e3:.0f} ms</b>"
-
-
-def _newest_hit(step: RallyStep | None) -> HitPlane | None:
-    if step is None:
-        return None
-    expected = step.after or step.before
-    return None if expected is None else expected.hit
+    return f"<b style='color:{theme.GOOD}'>{1e-6 * moment.t_us + hit_in_s:.3f} s</b>"
 
 
 def _residual(step: RallyStep | None) -> str:

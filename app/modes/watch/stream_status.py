@@ -81,9 +81,7 @@ def stream_html(source: LiveSource, health: StreamHealth, snapshot: RallySnapsho
         rows.append(
             (
                 "Behind",
-                muted(
-                    f"{source.behind_s:.1f} s in all: this machine was busy. No events were dropped, they came later"
-                ),
+                muted(f"{source.behind_s:.1f} s in all: this machine was busy, and events came later"),
             )
         )
     if health.blocks_lost:
@@ -101,8 +99,8 @@ def stream_html(source: LiveSource, health: StreamHealth, snapshot: RallySnapsho
         if followed.blocks_dropped:
             live = isinstance(source, CameraSource)
             remedy = "It is too slow for these cameras" if live else "Ask for a lower speed"
-            skipped = f"{followed.blocks_dropped:,} blocks of 10 ms: this machine was busy. Many? {remedy}"
-            rows.append(("Skipped blocks", muted(skipped)))
+            skipped = f"{followed.blocks_dropped:,} blocks of 10 ms: this machine was busy"
+            rows.append(("Skipped blocks", muted(f"{skipped}. A recording has them. Many? {remedy}")))
     return figures_html(rows) + ("" if has_robot else ALONE)
 
 

@@ -14,7 +14,7 @@ def test_a_part_of_a_recording_becomes_a_rerun_file_that_can_be_downloaded(windo
     window.press("Export")
     eventually(lambda: window.state.mode == "Export", "the mode")
     page.get_by_text("In the Rerun file").wait_for()
-    page.get_by_text("config A, as it comes").wait_for()
+    page.get_by_text("config A: method refined, default settings").wait_for()
     window.fill(window.field("From [s]"), "0.1")
     window.fill(window.field("To [s]"), "0.2")
     page.keyboard.press("Enter")

@@ -33,7 +33,7 @@ from tests.waiting import eventually
 
 SPACE = (slice(0, 720), slice(320, 870))
 TABLE_RGB = (48, 122, 202)
-TIME_JS = "document.getElementById('rallyscope-time').value"
+TIME_JS = "document.getElementById('rallyscope-us').textContent"
 
 
 @pytest.fixture(scope="module")
@@ -343,6 +343,7 @@ def a_trained_policy_plays_and_what_it_returns_is_counted(live_window, live_lab)
     eventually(lambda: rally.state.paused, "the simulation to pause")
     live_window.press("Count anew")
     live_window.page.get_by_text("learned · ball").wait_for(state="hidden")
+    assert rally.history.at(rally.history.followed_us, {}).picture.spots == (), "the landing spots are of the old count"
     live_window.press("Run")
     rally.player.use(BuiltInController())
 

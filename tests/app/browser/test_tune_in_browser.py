@@ -34,6 +34,10 @@ def test_it_begins_with_refined_and_the_file_that_is_saved_names_it(window, work
     window.seek(BALL_US)
     window.press("Tune")
     window.page.get_by_text("moves (").first.wait_for()
+    plot = window.page.get_by_role("img", name=re.compile("^residuals"))
+    panel = window.page.locator("[data-scrollarea-viewport]").filter(has=plot).last.bounding_box()
+    box = plot.bounding_box()
+    assert box["y"] + box["height"] <= panel["y"] + panel["height"], "the residuals are seen without scrolling"
     assert window.field("motion [px]").is_visible()
     window.fill(window.field("Name"), "mine")
     window.press("Save")

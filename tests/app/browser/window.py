@@ -193,7 +193,7 @@ class Window:
 
     def seek(self, t_us: int) -> None:
         """Go to a time by its field, and have the page know that it is there."""
-        field = self.page.get_by_label("Time [µs]")
+        field = self.page.get_by_label("Time", exact=True)
         field.fill(str(t_us))
         field.press("Enter")
         field.blur()
@@ -252,8 +252,9 @@ def field_of(page: Page, label: str) -> Locator:
 
 
 def fill(field: Locator, text: str) -> None:
-    """Type into a field, and return once the page has sent it."""
+    """Type into a field and leave it, and return once the page has sent it."""
     field.fill(text)
+    field.blur()
     wait_until_sent(field.page)
 
 

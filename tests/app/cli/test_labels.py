@@ -284,6 +284,15 @@ def test_a_conflict_that_was_settled_is_merged_and_compared_as_it_was_before(
     assert MIDDLE_US in layers["bea"] and MIDDLE_US not in layers["anna"] and len(layers["anna"]) == 8
     code, text, _ = call(capsys, "agree", *common(recording, data), "--annotator", "anna", "--with", "bea")
     assert code == 0 and "1 labels left out: they settle conflicts" in text and "0 common" in text
+    with LabelStore.open(data / "labels", UUID, "left", "bea") as store:
+        store.put(Label(t_us=int(MIDDLE_US) + 1, state=LabelState.NO_BALL))
+    with LabelStore.open(data / "labels", UUID, "left", "anna") as store:
+        store.put(Label(t_us=int(MIDDLE_US) + 1, state=LabelState.NO_BALL))
+    text = call(capsys, "agree", *common(recording, data), "--annotator", "anna", "--with", "bea")[1]
+    assert "agreement cannot be told without the 1 conflicts left out; of the other 1 times 1 the same" in text
+    for name in ("anna", "bea"):
+        with LabelStore.open(data / "labels", UUID, "left", name) as store:
+            store.delete(int(MIDDLE_US) + 1)
     anna = LabelStore.read(data / "labels", Layer(UUID, "left", "anna")).labels()
     with LabelStore.open(data / "labels", UUID, "left", "bea") as store:
         for row in range(4):  # two by hand 3 px off, one snapped to the same circle, one copied
@@ -300,7 +309,8 @@ def test_a_conflict_that_was_settled_is_merged_and_compared_as_it_was_before(
     assert groups == {"by_hand": (2, 0), "snapped": (1, 1), "proposed": (0, 0), "other": (1, 1)}
     assert found["by_source"]["by_hand"]["median_px"] == pytest.approx(3.0)
     text = call(capsys, *words)[1]
-    assert "conflicts settled at 2 times: compared as they were before" in text and "taken over" in text
+    assert "conflicts at 2 times: compared as they were before" in text and "taken over" in text
+    assert "median" not in text.split("by hand")[0], "no figure of clicks and snapped circles together"
     assert "by hand (2): median 3.00 px" in text and "snapped (1): median 0.00 px" in text and "taken twice" in text
 
 

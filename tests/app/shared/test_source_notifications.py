@@ -33,6 +33,15 @@ def test_a_source_that_stops_is_told_whichever_way_it_is_known() -> None:
     assert titles(news.compare("connected", WELL)) == ["Resolved"]
 
 
+def test_a_change_of_scene_that_somebody_asked_for_is_no_alarm() -> None:
+    news, quiet = SourceNotifications(), replace(WELL, stopped=True)
+    (change,) = news.compare("lost", quiet, changes_scene=True)
+    assert change.title == "Changing the scene ..." and change.color == "blue"
+    assert news.compare("lost", quiet, changes_scene=True) == []
+    assert news.compare("connected", WELL) == [], "nothing was wrong, so nothing is resolved"
+    assert titles(news.compare("lost", quiet)) == ["The live source has stopped"]
+
+
 def robot(connection: str, stop: StopNote | None = None, stops: int = 0) -> RobotStatus:
     counts = RobotCounts(stops=stops)
     return RobotStatus("tcp://127.0.0.1:5600", connection, "", "arm", None, None, stop, None, None, "", counts)  # type: ignore[arg-type]

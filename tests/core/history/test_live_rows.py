@@ -45,6 +45,17 @@ def test_rows_read_like_those_of_a_file_and_make_the_same_history() -> None:
     assert (spot.x_m, spot.y_m, spot.case.name) == (0.8, 0.1, "RETURNED")
 
 
+def test_a_new_count_begins_without_the_landing_spots_of_the_old_one() -> None:
+    rows, history = LiveRows(), RallyHistory()
+    rows.add_outcome(outcome(900_000), "built-in")
+    add_known(history, None, rows)
+    before = history.outcome_count
+    history.clear_outcomes()
+    moment = history.at(1_000_000, {})
+    assert moment.picture.spots == () == moment.outcomes
+    assert history.outcome_count > before, "so that the 3D view is drawn anew"
+
+
 def test_old_rows_are_forgotten_and_a_new_session_begins_anew() -> None:
     rows = LiveRows()
     rows.add_state(state(10_000, -1.6))

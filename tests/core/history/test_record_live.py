@@ -31,6 +31,7 @@ def client(request):
     thread = threading.Thread(target=server.run, args=(ended.is_set,))
     thread.start()
     client = SimulationClient(server.address, timeout_s=PATIENCE_S)
+    client.wait_for_messages()  # else the first blocks may be published before the subscription arrives
     yield client
     client.close()
     ended.set()
@@ -49,7 +50,9 @@ def test_a_recorded_rally_plays_back_as_it_was_seen(client, tmp_path):
         client.step(10)
         eventually(lambda: live.duration_us >= t_us + 100_000 * (number + 1), "ten blocks")  # noqa: B023
     assert recorder.recording
+    eventually(lambda: recorder.duration_us > 1_200_000, "what was simulated, however long that took")
     duration_us = recorder.stop()
+    assert recorder.duration_us == duration_us
     zero_us = live.duration_us - duration_us
     assert live.start_us <= zero_us <= t_us
     recording = open_recording(recorder.path)

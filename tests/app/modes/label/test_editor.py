@@ -589,6 +589,7 @@ def test_the_residual_of_each_camera_tells_which_one_has_something_else(four: Be
     bad = agreement_at(four.work, BALL_US)
     assert bad is not None and bad.left_out == {"far_right"} and 11 < bad.off_px["far_right"] < 13
     assert bad.residual_px < 0.6 and agreement_words(bad) == "3 of 4 cameras agree to"
+    assert agreement_words(replace(bad, residual_px=8.41, off_px={})) == "cameras disagree by"
     four.suggestions.next_suspicious()
     four.wait(lambda: four.suggestions.reason)
     assert "the cameras disagree" in four.suggestions.reason

@@ -49,6 +49,7 @@ def request_of(stream, labels: Path, *, agree_with=None, methods=("auto", "refin
         uuid="u",
         stream=stream,
         configs=tuple((method, method_config(method)) for method in methods),
+        slot="A",
         agree_with=agree_with,
         labels=labels,
         start_us=200_000,

@@ -13,8 +13,10 @@ from app.modes.watch.status import drift_row, live_html, moment_html
 from core.cameras.epipolar import EpipolarDrift
 from core.chain.calibration_drift import DriftReport
 from core.history.missed_balls import MissedBall
-from core.history.rally_history import RallyHistory, RallyMoment, RallyStep, ShownPrediction
+from core.history.rally_history import Outcome, RallyHistory, RallyMoment, RallyStep, ShownPrediction
+from core.history.rally_picture import LandingSpot
 from core.live.link.messages import WorldState
+from core.physics.episode import Case
 from core.trajectory.filter_config import FilterConfig
 from core.trajectory.learned_constants import nothing_learned
 
@@ -63,7 +65,7 @@ def test_late_and_lost_events_are_said(snapshot) -> None:
 def test_skipped_blocks_are_explained_and_not_red(snapshot) -> None:
     snapshot.health.blocks_dropped = 3
     said = live_html(snapshot, state(), "connected")
-    assert "Skipped blocks" in said and "3 since the session began" in said and theme.BAD not in said
+    assert "Skipped blocks" in said and "3 blocks of 10 ms since the session began" in said and theme.BAD not in said
 
 
 def test_what_is_wrong_is_red_and_says_what_to_do(snapshot) -> None:
@@ -76,7 +78,7 @@ def test_what_is_wrong_is_red_and_says_what_to_do(snapshot) -> None:
 
 def test_a_pace_that_was_settled_on_is_said_in_words_and_is_not_red(snapshot) -> None:
     said = live_html(snapshot, state(kept_share=0.5), "connected")
-    assert "connected, 1/2 speed: this machine is busy" in said
+    assert "connected, 1/2 speed: this machine is busy" in said and "dropped" not in said
     assert theme.BAD not in said and "x real time" not in said
     slower = live_html(snapshot, replace(state(kept_share=0.25), speed_factor=0.5, real_time_factor=0.05), "connected")
     assert "1/8 speed instead of 1/2 speed: this machine is busy" in slower
@@ -99,10 +101,22 @@ def test_an_expected_hit_can_be_read_for_a_while_and_then_is_gone() -> None:
         assert ("y +0.125, z +0.250 m, 5.00 m/s" in said) == shown
 
 
+def test_the_time_of_the_hit_is_the_one_that_the_3d_view_counts_down_to() -> None:
+    """The step may have an older prediction than the picture, and a countdown would be behind when it is read."""
+    hit = SimpleNamespace(p_world_m=np.zeros(3), v_world_mps=np.array([-5.0, 0, 0]), t_s=0.789)
+    expected = ShownPrediction(300_000, np.empty((0, 3)), None, hit, SimpleNamespace(stage="pre"))
+    step = RallyStep(300_000, None, {}, expected, None, None, 0.0)
+    picture = replace(RallyHistory().at(0, {}).picture, hit_in_s=0.16)
+    said = moment_html(RallyMoment(300_000, picture, step, None, None, ()), 15.0, 1.0)
+    assert "0.460 s" in said and "489" not in said
+
+
 def test_how_many_came_back_is_said_once() -> None:
     nothing = RallyMoment(0, RallyHistory().at(0, {}).picture, None, None, None, ())
-    counted = moment_html(nothing, 15.0, 1.0, returned=False)
-    assert "Last ball" in counted and "Returned" not in counted and "Returned" in moment_html(nothing, 15.0, 1.0)
+    one = replace(nothing, outcomes=(Outcome(590_000, 10_000, 5.0, LandingSpot(0.6, 0.1, Case.RETURNED)),))
+    counted = moment_html(one, 15.0, 1.0, returned=False)
+    assert "Last ball" in counted and "Returned" not in counted and "Returned" in moment_html(one, 15.0, 1.0)
+    assert "Last ball" not in moment_html(nothing, 15.0, 1.0)  # a row comes with its value
 
 
 def test_a_ball_that_one_camera_did_not_see_is_not_said_to_be_lost() -> None:

@@ -1,0 +1,67 @@
+"""What a detector config is called wherever its figures are shown: its slot, and how it differs from the default."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from app.state.browser_memory import default_config, differing_settings
+from app.state.client_state import SLOTS, ClientState, Slot
+from core.detection import DetectorConfig
+from core.detection.methods import METHODS, SECTIONS, STAGED, Method
+
+NAMED: Final = 3
+"""Most settings whose values are named."""
+
+
+def changed_settings(method: Method, config: DetectorConfig) -> dict[str, object]:
+    """Settings that the method takes and that are not at its default, with their values, by dotted path."""
+    differing = differing_settings(config, default_config(method))
+    return {name: value for name, value in differing.items() if name.partition(".")[0] in SECTIONS[method]}
+
+
+def settings_words(method: Method, config: DetectorConfig) -> str:
+    """Text such as "default settings" or "refined.fill_min 0.4, window.window_us 2000"."""
+    changed = changed_settings(method, config)
+    if not changed:
+        return "default settings"
+    named = [f"{name} {_value_text(value)}" for name, value in list(changed.items())[:NAMED]]
+    more = len(changed) - len(named)
+    return ", ".join(named) + (f" and {more} more" if more else "")
+
+
+def config_words(method: Method, slot: Slot, config: DetectorConfig) -> str:
+    """Text such as "refined, config B (refined.fill_min 0.4)"."""
+    return f"{method}, config {slot} ({settings_words(method, config)})"
+
+
+@dataclass(frozen=True, slots=True)
+class ChangedConfig:
+    """A config of this browser that is not the default."""
+
+    method: Method
+    slot: Slot
+    settings: int
+    """How many settings differ."""
+
+
+def changed_configs(state: ClientState) -> tuple[ChangedConfig, ...]:
+    """All changed configs, over methods and slots; `auto` and `paper` share theirs, and count once."""
+    found = []
+    for method in METHODS:
+        if method in STAGED and method != shared_method():
+            continue
+        configs = state.history_of(method).present
+        for slot in SLOTS:
+            count = len(changed_settings(method, configs.of(slot)))
+            found += [ChangedConfig(method, slot, count)] if count else []
+    return tuple(found)
+
+
+def shared_method() -> Method:
+    """The method that stands for all that share their configs, in the order of the list."""
+    return next(method for method in METHODS if method in STAGED)
+
+
+def _value_text(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
