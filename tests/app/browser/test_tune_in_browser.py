@@ -238,11 +238,13 @@ def a_number_may_be_typed_through_values_that_do_not_go_with_the_others(tune, mo
     monkeypatch.setattr(settings, "REST_S", float("inf"))  # however long it takes from one letter to the next
     largest.dblclick()
     tune.page.keyboard.type("30", delay=200)
+    tune.page.keyboard.press("Enter")
     eventually(lambda: tune.state.config.localise.radius_max_px == 30, "the largest radius")
     assert float(largest.input_value()) == 30 and complaint.count() == 0
 
     monkeypatch.undo()
     largest.fill("3")  # and no more of it
+    largest.press("Enter")
     complaint.wait_for()
     eventually(lambda: float(largest.input_value()) == 30, "the value that is used")
 
