@@ -16,6 +16,7 @@ from app.state.client_state import ARRANGEMENTS, MODES, ClientState
 from app.state.commands import (
     WINDOW_RANGE_US,
     Command,
+    MagnifyBall,
     SetArrangement,
     SetColours,
     SetMode,
@@ -99,18 +100,24 @@ class PicturePanel:
             self._rendering = gui.add_dropdown("Show", RENDERINGS, hint="Latest polarity, events per pixel, or age")
             self._colours = gui.add_dropdown("ON / OFF", POLARITY_COLOURS)
             self._arrangement = gui.add_dropdown("Arrange", ARRANGEMENTS)
+            self._magnify = gui.add_checkbox(
+                "Magnified ball", True, hint="The ball, 8 times larger, in a corner of each picture of a whole sensor"
+            )
             self._legend = gui.add_html("")
             self._truth = gui.add_checkbox("True ball", True, hint="Cyan circle")
         when_changed(self._window, lambda value: send(SetWindow(round(float(str(value)) * 1e3))))
         when_changed(self._rendering, lambda value: send(SetRendering(value)))  # type: ignore[arg-type]
         when_changed(self._colours, lambda value: send(SetColours(value)))  # type: ignore[arg-type]
         when_changed(self._arrangement, lambda value: send(SetArrangement(value)))  # type: ignore[arg-type]
+        when_changed(self._magnify, lambda value: send(MagnifyBall(bool(value))))
         when_changed(self._truth, lambda value: send(ShowTruth(bool(value))))
 
     def show(self, state: ClientState, *, knows_ball: bool) -> None:
         """Update the controls; the true ball is offered only if the recording has it."""
         self._window.visible = state.mode == "Watch"
         self._arrangement.visible = state.mode != "Label"
+        self._magnify.visible = state.mode != "Label"  # it shows the whole picture beside the zoomed one
+        self._magnify.value = state.look.magnifies_ball
         self._truth.visible = shows_truth = knows_ball and state.mode != "Label"  # the annotator does not see the truth
         self._window.value = state.look.window_us / 1e3
         self._rendering.value = state.look.rendering

@@ -22,8 +22,20 @@ FIELD_OF_A_CLASS: Final = re.compile(r"^[A-Z]\w*Config\.(\w+)")
 SEVERAL_WORDS: Final = re.compile(r"\b[a-z0-9]+(?:_[a-z0-9]+)+\b")
 
 
+PLAIN_NAMES: Final = {
+    "stray_max": "outlier share, max (stray max)",
+    "fill_min": "filled share, min (fill min)",
+    "evidence_min": "evidence to confirm (evidence min)",
+    "pace_min_per_ms": "slowest ball [radii/ms] (pace min)",
+    "coast_us": "prediction while unseen [µs] (coast)",
+}
+"""Names of fields whose own name does not say what is measured; it stands behind, as in files and documentation."""
+
+
 def field_words(field: str) -> str:
     """The unit in its suffix is set apart: `eps_px` -> "eps [px]"."""
+    if field in PLAIN_NAMES:
+        return PLAIN_NAMES[field]
     for above, below in itertools.product(UNITS, UNITS):
         if field.endswith(f"_{above}_per_{below}"):
             return f"{field.removesuffix(f'_{above}_per_{below}').replace('_', ' ')} [{UNITS[above]}/{UNITS[below]}]"

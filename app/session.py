@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import queue
+import time
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -27,6 +28,7 @@ from app.modes.train.mode import TrainMode
 from app.modes.tune.mode import TuneMode
 from app.modes.watch.commands import EnlargePicture
 from app.modes.watch.mode import WatchMode
+from app.panels.keys import idle_key_text, key_has_effect
 from app.panels.recording_info import RecordingInfo, gather_info
 from app.panels.time_bar import Runs, TimeBar, Tracks, moments_of, opening_us, same_moments, tracks_of
 from app.scene.world import World
@@ -39,7 +41,7 @@ from app.state.swept_cells import TableClicks
 from app.views.image_view import ImageView
 from app.views.mosaic import Mosaic
 from app.views.requests import WatchRequest, render_watch
-from app.web.pages import PageConnection, Pages
+from app.web.pages import Message, PageConnection, Pages
 from core.detection.saved import SavedDetector
 from core.errors import RallyscopeError, RecordingError
 from core.history.following import is_stereo
@@ -92,23 +94,27 @@ class Session:
         self._shown: tuple[ClientState, Middle, bool] | None = None
         self._requested: object = None
         self._autoplay = False
+        self._is_complete = False
+        """Whether the page was sent a view that is complete."""
         self._tracks = Tracks(0)
         self._live_uuid = ""
         self._source_news = SourceNotifications()
         self._moments_s = float("-inf")
+        self.page = SessionPage(visit, pages, services.browsers, pool, self)
         self.plane = ImageView(client, self._clicked)
         self.world = World(client)
         self._interface = ControlPanel(client.gui, self.send, self._send_key, self)
         with self._interface.modes_folder:
             self._modes: dict[ModeName, Mode] = {name: FACTORIES[name](self) for name in MODES}
         self._active: ModeName | None = None
-        self.page = SessionPage(visit, pages, services.browsers, pool, self)
         self._files = FileOpening(self.page, services, pool, self)
         self._tour = Tour(self.page)
         self.page.listen("drawing", self._pace.hear)
         self._opening = OpeningMoment(lambda: self.note(*SLOW_MOTION, "blue")) if self.page.is_new else None
         self._bar = TimeBar(self.page, self.send)
         self.page.listen("size", self.plane.window_resized)
+        self.page.listen("picture", self.plane.picture_resized)
+        self.page.listen("lower", self.plane.panel_resized)
         self.page.listen("enlarge", lambda message: self.send(EnlargePicture(message.get("camera"))))
         self.page.listen("hand", lambda _: self.world.touched())
         self.plane.tell = self.page.send
@@ -125,8 +131,30 @@ class Session:
         self._enqueue(act)
 
     def _send_key(self, command: Command) -> None:
-        if self._state is None or isinstance(command, SetMode) or not self._modes[self._state.mode].takes_keys:
-            self.send(command)
+        self._pace.hurry()
+        self._enqueue(lambda: self._apply_key(command))
+
+    def _apply_key(self, command: Command) -> None:
+        """Apply a key's command; say so if it changes nothing. A mode with its own keys takes only changes of mode."""
+        before = self._state
+        if before is None:
+            return
+        mode = self._modes[before.mode]
+        if mode.takes_keys and not isinstance(command, SetMode):
+            return
+        after = command.apply(before, time.monotonic())
+        if key_has_effect(command, before, after, uses_recording=mode.uses_recording):
+            self._state = after
+        else:
+            self.page.say(idle_key_text(command, before.mode))
+
+    def listen(self, kind: str, listener: Callable[[Message], None]) -> None:
+        """Call `listener` in the loop with every message of this kind of the page."""
+        self.page.listen(kind, listener)
+
+    def say(self, text: str) -> None:
+        """Show one line on the page that goes away by itself."""
+        self.page.say(text)
 
     def open_recording(self, name: str) -> None:
         """Open another recording of the library."""
@@ -178,6 +206,7 @@ class Session:
                 self.plane.set_visible(False)
                 self.world.show(True)
                 self.world.billboard_wxyz()
+                self._reveal()
             return
         if isinstance(self._recording, RingRecording):
             self._grow(self._recording, wall_s)
@@ -201,6 +230,7 @@ class Session:
         uses_time = mode.uses_recording
         self._bar.show(self._state, now_us, wall_s, visible=uses_time, keys=uses_time and not mode.takes_keys)
         self.page.tick(self._state, now_us, wall_s)
+        self.page.show_keys(self._state.mode, moves_camera=mode.middle == "world")
         self._tour.tick(self._state.mode)
         middle = mode.middle
         self.plane.set_visible(middle != "world")  # first: from then on it does not move the camera
@@ -210,6 +240,14 @@ class Session:
         mode.tick(self._state, now_us, wall_s)
         self.plane.show_staleness(wall_s, moving=self._state.playhead.playing)
         self.world.billboard_wxyz()
+        self._reveal()
+
+    def _reveal(self) -> None:
+        """Let the page show itself: until then it would show the panels of all modes as they arrive."""
+        if not self._is_complete:
+            self._is_complete = True
+            self.client.flush()
+            self.page.send("ready", {})
 
     def _open_slowly(self, opening: OpeningMoment, recording: Recording, wall_s: float) -> None:
         """Show the first bounce in slow motion to a new browser."""

@@ -152,8 +152,8 @@ def film_recording(
         frames: list[Image.Image] = []
         for number, t_us in enumerate(moments_us):
             session.send(Seek(t_us))
-            field = page.get_by_label("Time [µs]")
-            wait_for(lambda field=field, t_us=t_us: field.input_value() == str(t_us), f"the cursor at {t_us} us")
+            shown = page.locator("#rallyscope-us")
+            wait_for(lambda shown=shown, t_us=t_us: shown.inner_text() == f"{t_us} µs", f"the cursor at {t_us} us")
             frames.append(still_picture(page).crop(SHOWN_PX))
             progress((number + 1) / len(moments_us))
         return frames

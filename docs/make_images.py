@@ -82,7 +82,7 @@ def enter(page: Page, session: Session, mode: str) -> None:
 
 def seek(page: Page, session: Session, t_us: int) -> None:
     """By the field of the time bar."""
-    field = page.get_by_label("Time [µs]")
+    field = page.get_by_label("Time", exact=True)
     field.fill(str(t_us))
     field.press("Enter")
     field.blur()

@@ -55,7 +55,7 @@ class Agreement:
     both_seen: int
     mean_px: float
     median_px: float
-    """Of the distances between the two positions."""
+    """Median of the distances between the two positions."""
     median_low_px: float
     median_high_px: float
     """95 % interval of the median, by bootstrap."""
@@ -68,9 +68,9 @@ class Agreement:
     confusion: tuple[tuple[int, ...], ...]
     """[first][second] counts of states, in the order of `labels.arrays.STATES`."""
     by_source: Mapping[str, PositionAgreement]
-    """Of both seen, by how the less independent position of a pair came about: by_hand, snapped (at least one was moved
-    to the circle that fits the events), proposed (at least one was a detector's or interpolated), other (imported, or
-    settled)."""
+    """Agreement of those seen by both, by how the less independent position of a pair came about: by_hand, snapped (at
+    least one was moved to the circle that fits the events), proposed (at least one was a detector's or interpolated),
+    other (imported, or settled)."""
 
     @property
     def by_hand(self) -> PositionAgreement:

@@ -20,7 +20,7 @@ FRAME = 200
 """Side of each of the two charts."""
 TOP, LEFT, GAP = 26, 44, 110
 REACH_PX = 4.0
-"""Of the scatter, to each side; what is farther out is drawn on the rim."""
+"""Range of the scatter to each side; what is farther out is drawn on the rim."""
 PRECISION, RECALL, DOT, TEXT, GRID = "#ff8c28", "#5096ff", "#6eeb82", "#d7d9de", "#3a3d46"
 
 

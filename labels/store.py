@@ -24,7 +24,14 @@ from numpy.typing import ArrayLike, NDArray
 from core.errors import LabelError
 from labels.arrays import SOURCES, LabelArrays, label_arrays
 from labels.database.by_time import LabelsByTime
-from labels.database.connection import DamagedStoreError, open_to_read, open_to_write, telling, transaction
+from labels.database.connection import (
+    DamagedStoreError,
+    open_to_read,
+    open_to_write,
+    telling,
+    transaction,
+    work_in_log,
+)
 from labels.database.edit_log import (
     SessionHistory,
     UndoStep,
@@ -106,7 +113,7 @@ class LabelStore:
         """Who writes here."""
         self._history = SessionHistory()
         self._lock = threading.RLock()
-        """Of what is read."""
+        """Guards what is read."""
         self._write_lock = threading.Lock()
         self._history_lock = threading.Lock()
         self._change_mark = -1
@@ -314,6 +321,15 @@ class LabelStore:
         arrays, times = self.labels(), np.unique(np.asarray(t_us, np.int64))
         states = arrays.state[np.isin(arrays.t_us, times)]
         return LabelProgress(len(times), len(states), Counter(tuple(LabelState)[state] for state in states.tolist()))
+
+    def checkpoint(self) -> None:
+        """Copy the log into the store's file, which then holds all labels by itself.
+
+        Raises:
+            LabelError: if that cannot be written. The labels are safe in the log.
+        """
+        with self.writing() as db:
+            work_in_log(db)
 
     def close(self) -> None:
         """Let go of the file: everything is saved already."""

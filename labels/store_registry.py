@@ -6,6 +6,7 @@ import threading
 from collections import Counter
 from pathlib import Path
 
+from labels.database.connection import work_in_logs
 from labels.store import LabelStore, Layer, find_layers, has_labels
 
 Key = tuple[Layer, str]
@@ -17,6 +18,7 @@ class LabelStoreRegistry:
 
     def __init__(self, folder: Path, *, tool: str = "") -> None:
         self._folder = folder
+        work_in_logs(folder)
         self._tool = tool
         self._lock = threading.Lock()
         self._written: dict[Key, LabelStore] = {}

@@ -28,7 +28,7 @@ class LabelObjective:
     path: Path
     method: str
     labels: Mapping[str, LabelArrays]
-    """Of each camera."""
+    """Labels of each camera."""
     blocks: TimeBlocks
 
     def score(self, recording: Recording, config: DetectorConfig, cancelled: Cancelled) -> SplitScore:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
 
 from core.cameras import Camera, stereo_preset
 from core.cameras.presets import camera_preset
@@ -29,6 +30,12 @@ from core.simulation import (
 from core.simulation.episodes.ball_outcome import BallOutcome
 
 pytest_plugins = ["tests.sizes", "tests.stacks"]
+
+# The same inputs in every run, and no measure of time: a busy machine is no reason to fail.
+settings.register_profile(
+    "suite", max_examples=60, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
+)
+settings.load_profile("suite")
 
 HERE = Path(__file__).parent
 SHARED = Path(os.environ.get("RALLYSCOPE_SHARED_DATA") or HERE.parents[1] / "shared" / "data")

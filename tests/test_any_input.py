@@ -9,7 +9,7 @@ from pathlib import Path
 import msgpack
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from app.client_session.view_link import commands_of, link_of, values_of
@@ -27,10 +27,6 @@ from labels.formats import FORMATS
 from labels.formats.exchange import ExportOptions, ImportContext, LabelSet
 from labels.model import Label, LabelState
 
-settings.register_profile(
-    "suite", max_examples=60, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
-)
-settings.load_profile("suite")
 SENSOR = SensorSize(640, 480)
 SCALARS = st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats() | st.text(max_size=20)
 ANYTHING = st.recursive(

@@ -7,9 +7,11 @@ HANGS = """
 import subprocess, sys
 from tests.stacks import pytest_timeout_set_timer, pytest_timeout_cancel_timer, pytest_runtest_makereport
 
+code = "def stand_still():\\n    print(flush=True)\\n    input()\\nstand_still()"
+child = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+child.stdout.readline()  # it stands still before the test begins, whose time is short
+
 def wait_for_a_child_that_does_not_answer():
-    code = "def stand_still():\\n    input()\\nstand_still()"
-    child = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE)
     child.wait()
 
 def test_hangs():
@@ -19,7 +21,7 @@ def test_hangs():
 
 def test_a_test_that_hangs_shows_the_stacks_of_its_process_and_of_its_children(tmp_path, request):
     (tmp_path / "test_hangs.py").write_text(HANGS)
-    (tmp_path / "conftest.py").write_text(HANGS.partition("def wait")[0])
+    (tmp_path / "conftest.py").write_text(HANGS.partition("code = ")[0])
     arguments = ["-m", "pytest", "-p", "no:cacheprovider", "--rootdir", tmp_path, "-o", "timeout=4", tmp_path]
     done = subprocess.run(
         [sys.executable, *arguments], capture_output=True, text=True, cwd=request.config.rootpath, check=False

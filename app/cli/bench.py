@@ -24,6 +24,7 @@ BENCHES = {
     "import": "recordings.bench_import",
     "detection": "detection.bench_detection",
     "drawn-scenes": "detection.bench_drawn_scenes",
+    "planet": "detection.bench_planet",
     "simulation": "simulation.bench_simulation",
     "cameras": "perception.bench_cameras",
     "rig": "calibration.bench_rig",
@@ -82,7 +83,8 @@ class BenchArguments:
     )
     recorded: str | None = flag(
         "balls of human play, a file of ball states or a folder of them (learning); "
-        "your own recordings, one or a folder, scored against their labels (paper-perception)",
+        "your own recordings, one or a folder, scored against their labels (paper-perception); "
+        "gen4.dat of faery (planet)",
         "PATH",
     )
     data: Path | None = flag("workspace with the labels (paper-perception with --recorded)", "DIR", str(DATA))

@@ -26,9 +26,9 @@ def open_backend(config: RunConfig, source: str | None, keys: Path | None = None
     elif source is not None:
         # late: the chain and its compiled loops are for those who ask
         from core.live.link.guard import read_client_keys
-        from core.live.link.linked_backend import LinkBackend
+        from core.live.link.linked_backend import LinkEpisodeBackend
 
-        backend = LinkBackend(config.environment, source, None if keys is None else read_client_keys(keys))
+        backend = LinkEpisodeBackend(config.environment, source, None if keys is None else read_client_keys(keys))
     elif config.environment.state_source == "events":
         from core.live.worlds.event_environment import EventCameraBackend
 
@@ -46,9 +46,9 @@ def _perceived_backend(config: RunConfig, source: str | None, keys: Path | None)
 
     if source is not None:
         from core.live.link.guard import read_client_keys
-        from core.live.link.linked_backend import LinkedBackend
+        from core.live.link.linked_backend import LinkEnvironmentBackend
 
-        world_backend = LinkedBackend(source, None if keys is None else read_client_keys(keys))
+        world_backend = LinkEnvironmentBackend(source, None if keys is None else read_client_keys(keys))
     else:
         from core.live.worlds.simulated_backend import SimulatedBackend
 

@@ -62,7 +62,11 @@ class ServeArguments:
     ball_states: tuple[Path, ...] | None = flag("it serves recorded balls (JSON), by default in `real`", "FILE")
     host: str = flag("address to listen on; the default is this machine only", default="127.0.0.1")
     port: int = flag("port to listen on", default=8080)
-    token: str | None = flag("what browsers must know to come in", "TOKEN", "random beyond this machine, none on it")
+    token: str | None = flag(
+        "what browsers must know to come in",
+        "TOKEN",
+        "random beyond this machine and with a robot or cameras, else none",
+    )
     data: Path = flag("workspace", default=DATA)
     folder: tuple[Path, ...] | None = flag("browsers may open its files, too; can be given again", "DIR", repeated=True)
     config: Path | None = flag("detector settings to start with, a TOML file", "FILE")
@@ -93,7 +97,8 @@ def run(arguments: ServeArguments) -> None:
     workspace = Workspace(arguments.data)
     library = Library(workspace, _check_folders(arguments.folder or ()))
     library.names()  # where no folder can be made that is said before anything is started
-    admission = Admission.of_address(arguments.host, arguments.token)
+    machines = arguments.robot is not None or (source or "").startswith(CAMERA)
+    admission = Admission.of_address(arguments.host, arguments.token, moves_machines=machines)
     check_address(arguments.host, arguments.port)
     with ExitStack() as started:
 

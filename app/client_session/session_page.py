@@ -9,9 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final, Protocol
 
-from app.client_session.view_link import Values, commands_of, link_of, values_of
+from app.client_session.view_link import Values, commands_of, link_of, place_of, values_of
 from app.state.browser_memory import BrowserMemory, Remembered
-from app.state.client_state import ClientState, Configs, History, Playhead, TuneView
+from app.state.client_state import MODES, ClientState, Configs, History, Playhead, TuneView
+from app.state.commands import Command, SetMode
 from app.web.pages import Message, PageConnection, Pages
 from core.detection import DetectorConfig
 from core.detection.methods import DEFAULT_METHOD
@@ -60,6 +61,7 @@ class PageSession(Protocol):
     """The session's interface for its page."""
 
     def later(self, act: Callable[[], None]) -> None: ...
+    def send(self, command: Command) -> None: ...
     def open_recording(self, name: str) -> None: ...
     def note(self, title: str, body: str, color: str) -> None: ...
 
@@ -82,10 +84,11 @@ class SessionPage:
         self.is_new = bool(visit.browser) and not visit.link and not memory.knows(visit.browser)
         """Whether this browser is new and came without a link."""
         self._shown_link = ""
+        self._shown_keys: Message = {}
         self._linked_s = self._kept_s = 0.0
         self._kept: Remembered | None = None
         self._closed = False
-        self._listeners: dict[str, Listener] = {"open_link": self._open_link}
+        self._listeners: dict[str, Listener] = {"open_link": self._open_link, "go_to_link": self._go_to_link}
         if visit.page:
             pages.open(visit.page, self._hear)
 
@@ -102,6 +105,17 @@ class SessionPage:
         """Send a message to the page; only the latest of each kind is kept."""
         if self._visit.page:
             self._pages.send(self._visit.page, kind, values)
+
+    def say(self, text: str) -> None:
+        """Show one line that goes away by itself."""
+        self.send("line", {"text": text, "number": time.time_ns() // 1_000_000})
+
+    def show_keys(self, mode: str, *, moves_camera: bool) -> None:
+        """Let the page know its mode, and whether W A S D Q E move a camera there, for keys that do nothing."""
+        keys: Message = {"mode": mode, "moves_camera": moves_camera}
+        if keys != self._shown_keys:
+            self._shown_keys = keys
+            self.send("keys", keys)
 
     @property
     def seen(self) -> frozenset[str]:
@@ -196,6 +210,15 @@ class SessionPage:
         listener = self._listeners.get(str(message["type"]))
         if listener is not None:
             self._session.later(lambda: listener(message))
+
+    def _go_to_link(self, message: Message) -> None:
+        """Back or Forward: to the mode of a link, and to its recording where another is open. Settings stay."""
+        values, state = place_of(values_of(str(message.get("link", "")))), self._session.state
+        if state is not None and values.get("recording", state.recording) != state.recording:
+            self._link = values
+            self._session.open_recording(values["recording"])
+        elif values["mode"] in MODES:
+            self._session.send(SetMode(values["mode"]))  # type: ignore[arg-type]
 
     def _open_link(self, message: Message) -> None:
         self._link = values_of(str(message.get("link", "")))

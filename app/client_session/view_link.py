@@ -75,6 +75,15 @@ def values_of(link: str) -> Values:
         return {}
 
 
+PLACE: Final = ("recording", "mode", "t", "camera", "space", "large")
+"""Values of a link that say where one is, not how it is looked at."""
+
+
+def place_of(values: Values) -> Values:
+    """The recording, mode, moment and camera of a link, with the mode also where it is the usual one."""
+    return {"mode": "Watch", **{key: text for key, text in values.items() if key in PLACE}}
+
+
 def commands_of(values: Values, state: ClientState) -> tuple[Command, ...]:
     """Commands that apply a link to a state with its recording open. Invalid values are ignored."""
     found: list[Command] = []
@@ -107,6 +116,7 @@ def _view(state: ClientState, now_us: int) -> Iterator[tuple[str, str]]:
     yield "draw", look.rendering if look.rendering != _LOOK.rendering else ""
     yield "colours", look.colours if look.colours != _LOOK.colours else ""
     yield "arrange", look.arrangement if look.arrangement != _LOOK.arrangement else ""
+    yield "magnify", "0" if not look.magnifies_ball else ""
     yield "stage", tune.overlay if tune.overlay != _TUNE.overlay else ""
     yield "zoom", f"{tune.zoom:g}" if tune.zoom != _TUNE.zoom else ""
     yield "at", "{:.1f},{:.1f}".format(*tune.centre_px) if tune.centre_px is not None else ""
@@ -133,6 +143,7 @@ _COMMANDS: Final[Mapping[str, Callable[[str], list[Command]]]] = {
     "draw": lambda text: [commands.SetRendering(_one(text, RENDERINGS))],  # type: ignore[arg-type]
     "colours": lambda text: [commands.SetColours(_one(text, POLARITY_COLOURS))],  # type: ignore[arg-type]
     "arrange": lambda text: [commands.SetArrangement(_one(text, ARRANGEMENTS))],  # type: ignore[arg-type]
+    "magnify": lambda text: [commands.MagnifyBall(text != "0")],
     "stage": lambda text: [commands.SetOverlay(text)],
     "zoom": lambda text: [commands.SetZoom(float(text))],
     "at": lambda text: [commands.LookAt(_point(text))],

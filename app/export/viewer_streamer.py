@@ -95,10 +95,11 @@ class ViewerStreamer:
             self._message = message
 
     def _done(self, _: None) -> None:
-        self._over, self._message = True, f"{self._name}: all of it was sent"
+        self._message = f"{self._name}: all of it was sent"
+        self._over = True  # last: who sees that it is over reads how it ended
 
     def _lost(self, error: Exception) -> None:
         if not isinstance(error, RallyscopeError):
             logger.error("a stream to the viewer failed", exc_info=error)
-        self._over, self._failed = True, True
-        self._message = str(error) or "it failed; the log says why"
+        self._failed, self._message = True, str(error) or "it failed; the log says why"
+        self._over = True

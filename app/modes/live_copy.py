@@ -53,9 +53,7 @@ class LiveCopy:
             return
         oldest_us = recording.start_us
         if not oldest_us <= t_us <= recording.duration_us:
-            raise RecordingError(
-                "this moment of the live rally is forgotten already", remedy="go on, and take a later one"
-            )
+            raise RecordingError("this moment of the live rally is no longer in memory", remedy="choose a later one")
         # The moment falls on a step, of those that are to be labelled.
         start_us = t_us - (t_us - oldest_us) // step_us * step_us
         workspace = self._host.services.workspace
@@ -70,7 +68,7 @@ class LiveCopy:
         self._t_us, self._then = t_us - start_us, then
         self._job.start(work, self._open)
         seconds = (recording.duration_us - start_us) / 1e6
-        self._host.note("Freezing the live rally", f"Its last {seconds:.0f} s become the recording {name}.", "blue")
+        self._host.note("Saving the live rally", f"Its last {seconds:.0f} s become the recording {name}.", "blue")
 
     def moment_in(self, recording: Recording) -> int | None:
         """Where the cursor is to be, if this is the recording that was asked for."""
@@ -109,9 +107,7 @@ def _end_us(recording: RingRecording, t_us: int, cancelled: Callable[[], bool]) 
     until_s = time.monotonic() + NEXT_BLOCK_S
     while (end_us := recording.duration_us) <= t_us:
         if cancelled() or time.monotonic() > until_s:
-            raise RecordingError(
-                "nothing came after this moment yet", remedy="let the clock run, or take an earlier one"
-            )
+            raise RecordingError("nothing came after this moment yet", remedy="press Run, or choose an earlier one")
         time.sleep(0.01)
     return end_us
 

@@ -17,6 +17,7 @@ from app.scene.world import World
 from app.state.client_state import ClientState
 from app.state.commands import Command
 from app.views.image_view import ImageView
+from app.web.pages import Message
 from core.errors import CommandError, RallyscopeError
 from core.recordings import Recording
 
@@ -72,6 +73,14 @@ class ModeHost(Protocol):
 
     def later(self, act: Callable[[], None]) -> None:
         """Call `act` in the loop, in order; from any thread. Its RallyscopeErrors are shown to the person."""
+        ...
+
+    def listen(self, kind: str, listener: Callable[[Message], None]) -> None:
+        """Call `listener` in the loop with every message of this kind of the page. Nothing in it is trusted."""
+        ...
+
+    def say(self, text: str) -> None:
+        """Show one line on the page that goes away by itself; in the loop."""
         ...
 
     def report(self, error: Exception) -> None:

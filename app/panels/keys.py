@@ -8,7 +8,7 @@ from typing import Final
 import viser
 
 from app.formatting import PAGE
-from app.state.client_state import MODES, MOST_VIEWS
+from app.state.client_state import MODES, MOST_VIEWS, ClientState, ModeName
 from app.state.commands import Command, LookAt, Redo, SetMode, ShowStage, StepTime, TogglePlay, Undo
 from app.widgets import when_triggered
 
@@ -38,6 +38,24 @@ PAGE_KEYS: Final = (
     ("Ctrl O", "Open a file"),
 )
 """Keys of the time bar and of the file dialog, which the page itself handles."""
+
+
+TUNE_ONLY: Final = (ShowStage, LookAt)
+"""Commands of keys that change only what Tune shows."""
+
+
+def key_has_effect(command: Command, before: ClientState, after: ClientState, *, uses_recording: bool) -> bool:
+    """Whether a key's command changes anything that its mode shows; only some modes show a recording."""
+    if isinstance(command, SetMode):
+        return True
+    shown = uses_recording and (before.mode == "Tune" or not isinstance(command, TUNE_ONLY))
+    return shown and before != after
+
+
+def idle_key_text(command: Command, mode: ModeName) -> str:
+    """Line about a key that does nothing."""
+    key, label = next((key, label) for key, label, one in KEYS if one == command)
+    return f"Key {key} ({label}) changes nothing here in {mode}."
 
 
 def add_keys(
@@ -77,7 +95,7 @@ def keys_html() -> str:
         f"<tr><td style='padding-right:14px'><b>{key}</b></td><td>{label}</td></tr>" for key, label in listed
     )
     frame = "<tr><td><b>F</b></td><td>Reset the picture's view</td></tr>"
-    hint = f"Keys work after a click into the picture, not while a field has the cursor. Words: {PAGE}."
+    hint = f"Enter and Escape leave a field: then the keys work again. Words: {PAGE}."
     return (
         f"<div style='font-size:12.5px;padding:4px 12px'>{hint} {tour_button_html()}<table>{rows}{frame}</table></div>"
     )
@@ -87,16 +105,15 @@ X_PX: Final = 8
 Y_PX: Final = -86
 """Position of the panel above the time bar."""
 WIDTH_PX: Final = 860
-HEIGHT_PX: Final = 140
+HEIGHT_PX: Final = 158
+"""Size until the page's script gives it the width of the picture, and the height that was chosen in this browser."""
 
 
 def place_below_pictures(gui: viser.GuiApi, panel: viser.PanelHandle) -> None:
-    """Add the list of keys as the last tab, and let the panel float in its place."""
+    """Add the list of keys as the last tab, and let the panel float in its place.
+
+    The page's script (`lower.js`) recognises the panel by that tab.
+    """
     with panel.add_tab("Keys", viser.Icon.KEYBOARD):
         gui.add_html(keys_html())
-    float_below_pictures(panel)
-
-
-def float_below_pictures(panel: viser.PanelHandle, *, narrower_px: int = 0) -> None:
-    """Let a panel float in its place, narrower while something stands at the left."""
-    panel.float(x=X_PX, y=Y_PX, width=WIDTH_PX - narrower_px, height=HEIGHT_PX)
+    panel.float(x=X_PX, y=Y_PX, width=WIDTH_PX, height=HEIGHT_PX)

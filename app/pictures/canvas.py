@@ -36,10 +36,16 @@ class Region:
         return Region(0, 0, sensor.width_px, sensor.height_px)
 
     @staticmethod
-    def around(u_px: float, v_px: float, sensor: SensorSize, zoom: float) -> Region:
-        """The part of the sensor's shape that a zoom shows, centred on a point."""
-        width = max(8, round(sensor.width_px / zoom))
-        height = max(8, round(sensor.height_px / zoom))
+    def around(u_px: float, v_px: float, sensor: SensorSize, zoom: float, aspect: float | None = None) -> Region:
+        """The part of the sensor that a zoom shows, centred on a point.
+
+        It has the sensor's shape, or is as wide as `aspect` times its height; its shorter side is then the height that
+        the sensor's shape would have.
+        """
+        width, height = sensor.width_px / zoom, sensor.height_px / zoom
+        if aspect is not None:
+            width, height = (height * aspect, height) if aspect >= 1 else (height, height / aspect)
+        width, height = max(8, round(width)), max(8, round(height))
         return Region(round(u_px - (width - 1) / 2), round(v_px - (height - 1) / 2), width, height)
 
     def holds(self, u_px: float, v_px: float) -> bool:
@@ -93,6 +99,10 @@ class Canvas:
             crop = crop.repeat(scale, axis=0).repeat(scale, axis=1)
         top, left = (y0 - region.y) * scale, (x0 - region.x) * scale
         self.image[top : top + crop.shape[0], left : left + crop.shape[1]] = crop
+
+    def paint_crop(self, pixels: NDArray[np.uint8]) -> None:
+        """Fill with a picture of just the region (its height, its width), magnified."""
+        self.image[:] = pixels.repeat(int(self.scale), axis=0).repeat(int(self.scale), axis=1)
 
     def draw_polygon(self, points_px: ArrayLike, ink: int, *, thickness: int = 1, closed: bool = True) -> None:
         """Polygon, or open line, through sensor points (N, 2)."""

@@ -84,10 +84,10 @@ class ShadowActor:
     def show(self, shadow: Shadow | None) -> None:
         """Lie there; None hides it."""
         for number, disc in enumerate(self._discs):
-            disc.visible = shadow is not None and shadow.strength == number
-            if shadow is not None and shadow.strength == number:
-                disc.position = (shadow.x_m, shadow.y_m, shadow.z_m)
+            if shadow is not None and shadow.strength == number:  # its size comes before it is seen
                 disc.scale = round(shadow.radius_m, 3)
+                disc.position = (shadow.x_m, shadow.y_m, shadow.z_m)
+            disc.visible = shadow is not None and shadow.strength == number
 
 
 POINTS: Final = 72

@@ -31,8 +31,10 @@ CASE_NAMES: Final[dict[Case, str]] = {
 TARGET_RGB: Final = (255, 255, 255)
 SPOTS: Final = 500
 """Most landing points shown; the newest are kept."""
-SPOT_ABOVE_M: Final = 0.018
-"""Spots are discs that face the eye: lower, half of them would be in the table."""
+SPOT_RADIUS_M: Final = 0.01
+SPOT_CORNERS: Final = 12
+SPOT_ABOVE_M: Final = 0.003
+"""Height of the spots over the table, above its lines; the target lies above the spots."""
 REACH_M: Final = 4.0
 """A spot farther from the middle than this is not drawn."""
 
@@ -43,9 +45,20 @@ class LandingActors:
     def __init__(self, scene: viser.SceneApi, root: str) -> None:
         rings = np.concatenate([ring(0.05), ring(0.10)])
         self._target = scene.add_line_segments(f"{root}/target", rings, TARGET_RGB, thickness=0.008, visible=False)
-        nothing = np.zeros((1, 3), np.float32)
-        self._spots = scene.add_point_cloud(
-            f"{root}/spots", nothing, np.zeros((1, 3), np.uint8), point_size=0.03, point_shape="circle", visible=False
+        vertices, faces = spot_disc()
+        self._spots = scene.add_batched_meshes_simple(
+            f"{root}/spots",
+            vertices,
+            faces,
+            np.tile(np.array([1.0, 0.0, 0.0, 0.0], np.float32), (SPOTS, 1)),
+            np.zeros((SPOTS, 3), np.float32),
+            batched_scales=np.zeros(SPOTS, np.float32),
+            batched_colors=np.zeros((SPOTS, 3), np.uint8),
+            lod="off",
+            side="double",
+            cast_shadow=False,
+            receive_shadow=False,
+            visible=False,
         )
         self._goal: NDArray[np.float64] | None = None
         self._shown: tuple[LandingSpot, ...] = ()
@@ -55,15 +68,30 @@ class LandingActors:
         self._target.visible = target is not None
         if target is not None and target is not self._goal:
             self._goal = target
-            self._target.position = (target[0], target[1], 2 * ABOVE_M)
+            self._target.position = (target[0], target[1], 2 * SPOT_ABOVE_M)
         if spots == self._shown:
             return
         self._shown = spots
         near = [spot for spot in spots[-SPOTS:] if max(abs(spot.x_m), abs(spot.y_m)) < REACH_M]
         self._spots.visible = bool(near)
         if near:
-            self._spots.points = np.array([(spot.x_m, spot.y_m, SPOT_ABOVE_M) for spot in near], np.float32)
-            self._spots.colors = np.array([CASE_RGB[spot.case] for spot in near], np.uint8)
+            positions, scales = np.zeros((SPOTS, 3), np.float32), np.zeros(SPOTS, np.float32)
+            colours = np.zeros((SPOTS, 3), np.uint8)
+            positions[: len(near)] = [(spot.x_m, spot.y_m, SPOT_ABOVE_M) for spot in near]
+            colours[: len(near)] = [CASE_RGB[spot.case] for spot in near]
+            scales[: len(near)] = 1.0  # the others have no size: the handle always has as many, and is reused
+            self._spots.batched_positions, self._spots.batched_colors = positions, colours
+            self._spots.batched_scales = scales
+
+
+def spot_disc() -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+    """A flat horizontal disc of `SPOT_RADIUS_M`: vertices (N + 1, 3), m, and its triangles (N, 3)."""
+    rim = _circle(SPOT_CORNERS) * SPOT_RADIUS_M
+    vertices = np.zeros((SPOT_CORNERS + 1, 3), np.float32)
+    vertices[1:, :2] = rim
+    corner = np.arange(SPOT_CORNERS)
+    faces = np.stack([np.zeros_like(corner), corner + 1, (corner + 1) % SPOT_CORNERS + 1], axis=1)
+    return vertices, faces.astype(np.uint32)
 
 
 Array = NDArray[np.float64]

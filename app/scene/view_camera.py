@@ -82,6 +82,11 @@ def standpoint(view: str, aspect: float, *, stage: Array = STAGE, margin: float 
     return framed(viewpoint, stage, aspect, margin) if view in FRAMED else viewpoint
 
 
+def camera_view(name: str) -> str:
+    """Name of the view from a camera: "Camera left" for "left", apart from fixed ones such as "Side"."""
+    return name if name.lower().startswith("cam") else f"Camera {name}"
+
+
 def viewpoint_of_camera(camera: Camera) -> Viewpoint:
     """Where a camera stands, looking as it looks."""
     position, forward, down = camera.T_world_camera[:3, 3], camera.T_world_camera[:3, 2], camera.T_world_camera[:3, 1]

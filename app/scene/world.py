@@ -18,6 +18,7 @@ from app.scene.view_camera import (
     STAGE,
     VIEWPOINTS,
     ViewCamera,
+    camera_view,
     follow_viewpoint,
     stage_with,
     standpoint,
@@ -122,6 +123,8 @@ class World:
         self._scene = client.scene
         self._root: viser.FrameHandle | None = None
         self._cameras: dict[str, Camera] = {}
+        self._camera_views: dict[str, Camera] = {}
+        """Cameras by the name of the view from each."""
         self._rig: RigActors | None = None
         self._rig_number = 0
         self._view = "Broadcast"
@@ -160,7 +163,7 @@ class World:
     @property
     def views(self) -> tuple[str, ...]:
         """Names of the points of view: fixed ones, and one a camera."""
-        return (*VIEWPOINTS, *self._cameras)
+        return (*VIEWPOINTS, *self._camera_views)
 
     def look_from(self, view: str) -> None:
         """Take a point of view by its name; an unknown one changes nothing."""
@@ -175,6 +178,7 @@ class World:
         if cameras == self._cameras:
             return
         self._cameras = cameras
+        self._camera_views = {camera_view(name): camera for name, camera in cameras.items()}
         self._use_stage()
         if self._root is not None:
             self._build_rig()
@@ -210,7 +214,7 @@ class World:
                 picture.spots if "Landing spots" in on else (),
             )
             if self._rig is not None:
-                self._rig.set_visible("Cameras" in on and self._view not in self._cameras)
+                self._rig.set_visible("Cameras" in on and self._view not in self._camera_views)
         if self._held is None and self._view == "Follow ball" and picture.ball is not None and self.visible:
             follow_viewpoint(self._client, picture.ball, FOLLOW_SHARE)
 
@@ -277,7 +281,7 @@ class World:
     def _viewpoint(self, view: str) -> Viewpoint | None:
         if view in VIEWPOINTS:
             return standpoint(view, self._client.camera.aspect, stage=self._stage)
-        return viewpoint_of_camera(self._cameras[view]) if view in self._cameras else None
+        return viewpoint_of_camera(self._camera_views[view]) if view in self._camera_views else None
 
     def _build(self) -> None:
         self._root = self._scene.add_frame(ROOT, show_axes=False, visible=False)

@@ -14,6 +14,8 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal
@@ -21,6 +23,7 @@ from typing import Final, Literal
 from app.shared.job_backends import HERE_ONLY, THIS_MACHINE, JobBackends
 from app.shared.workspace import Workspace, slug_from
 from core.errors import CommandError, RallyscopeError
+from core.files import lock_descriptor
 from core.learning.config import RunConfig
 from core.learning.runs.control import Control, RunCommand, RunStatus, is_held, read_control, read_status, write_control
 from core.learning.runs.run_files import create_run, read_run
@@ -132,6 +135,8 @@ def read_log_tail(run: Path) -> tuple[str, ...]:
 logger = logging.getLogger(__name__)
 COMMAND = (sys.executable, "-P", "-m", "app.cli", "train", "--resume")
 """Command line; backend flags and the run's folder follow. Of a browser's input it contains only a slug."""
+TURN_NAME = ".training.lock"
+"""File in the folder of runs, locked while a server on that folder trains."""
 SEEDS_HERE = 1
 """Seeds trained at a time: the app needs the other cores."""
 
@@ -142,6 +147,8 @@ class _Child:
 
     name: str
     process: subprocess.Popen[bytes]
+    turn: ExitStack
+    """Holds the folder's turn to train until it is closed."""
 
 
 class Trainer:
@@ -188,10 +195,11 @@ class Trainer:
             run = self._workspace.run_path(name)
             if run.exists():
                 raise CommandError("there is a run of this name already", got=run.name, remedy="take another name")
-            create_run(run, config)
-            write_control(run, Control("run", episodes_per_s))
-            self._place_of[run.name] = place
-            self._launch(run)
+            with self._turn() as turn:
+                create_run(run, config)
+                write_control(run, Control("run", episodes_per_s))
+                self._place_of[run.name] = place
+                self._launch(run, turn)
             return run.name
 
     def resume(self, name: str) -> None:
@@ -206,8 +214,9 @@ class Trainer:
             if not state.resumable:
                 raise CommandError(f"the run is {state.phase}", got=name, remedy="start another")
             run = self._workspace.run_path(name)
-            write_control(run, replace(read_control(run), command="run"))
-            self._launch(run)
+            with self._turn() as turn:
+                write_control(run, replace(read_control(run), command="run"))
+                self._launch(run, turn)
 
     def ask(self, command: RunCommand) -> None:
         """Pause, stop, or continue the run in training; nothing if there is none."""
@@ -233,13 +242,34 @@ class Trainer:
         if state is not None:
             raise CommandError("one training at a time", got=f"{state.name} is {state.phase}", remedy="stop it first")
 
+    @contextmanager
+    def _turn(self) -> Iterator[ExitStack]:
+        """Hold the folder's turn to train; what takes it over from the stack holds it longer.
+
+        Two servers may share a folder, and a run of the other one is seen only once its process has begun.
+
+        Raises:
+            CommandError: if a server holds it.
+        """
+        descriptor = os.open(self._workspace.runs / TURN_NAME, os.O_RDWR | os.O_CREAT, 0o666)
+        with ExitStack() as turn:
+            turn.callback(os.close, descriptor)
+            try:
+                lock_descriptor(descriptor)
+            except BlockingIOError as error:
+                got = "another server trains on this folder"
+                raise CommandError(
+                    "one training at a time", got=got, remedy="stop it there first, or wait for it"
+                ) from error
+            yield turn
+
     def _known(self, name: str) -> RunState:
         state = self._state(name) if name in self._workspace.run_names() else None
         if state is None:
             raise CommandError("no such run", got=repr(name[:80]), remedy="choose one from the list")
         return state
 
-    def _launch(self, run: Path) -> None:
+    def _launch(self, run: Path, turn: ExitStack) -> None:
         self._ended.pop(run.name, None)
         self._stopping = None
         flags = self._places.flags(self._place_of.get(run.name, THIS_MACHINE), SEEDS_HERE)
@@ -257,13 +287,21 @@ class Trainer:
                 )
         except OSError as error:
             raise CommandError("cannot start the training", got=error.strerror, where=run.name) from error
-        self._child = _Child(run.name, process)
+        self._child = child = _Child(run.name, process, turn.pop_all())
+
+        def end_turn() -> None:
+            process.wait()
+            with self._lock:
+                child.turn.close()  # also where nobody looks at the runs: another server may wait for it
+
+        threading.Thread(target=end_turn, name="rallyscope-training-ends", daemon=True).start()
 
     def _reap(self) -> None:
         child = self._child
         if child is None or (code := child.process.poll()) is None:
             return
         self._child = None
+        child.turn.close()
         if self._stopping == child.name:
             self._stopping = None
         run = self._workspace.run_path(child.name)

@@ -4,6 +4,7 @@ live rally in preparation.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from typing import Final
 
@@ -40,7 +41,8 @@ def card_html(steps: Sequence[Step]) -> str:
     """The steps with their progress; empty if all are done."""
     if all(step.state == "done" for step in steps):
         return ""
-    rows = "".join(map(_row, steps))
+    now_s = time.monotonic()
+    rows = "".join(_row(step, now_s) for step in steps)
     note = "You can open a recording meanwhile; the live rally will appear here."
     return (
         f"<div style='font-size:13px;padding:6px 14px;line-height:1.5'>{rows}"
@@ -48,12 +50,22 @@ def card_html(steps: Sequence[Step]) -> str:
     )
 
 
-def _row(step: Step) -> str:
+def remaining_text(remaining_s: float | None) -> str:
+    """An estimate in words, coarse as it is; empty if there is none."""
+    if remaining_s is None:
+        return ""
+    if remaining_s < 90:
+        return f"about {max(5, 5 * round(remaining_s / 5))} s left"
+    return f"about {round(remaining_s / 60)} minutes left"
+
+
+def _row(step: Step, now_s: float) -> str:
     colours = {"waiting": theme.MUTED, "running": "inherit", "done": theme.GOOD, "failed": theme.BAD}
     html = html_text(step.title)
     if step.state == "running":
         html += f" <b>{step.share:.0%}</b>" if step.share else " ..."
-        html += f"<div style='color:{theme.MUTED};font-size:11.5px'>{html_text(step.hint)}</div>" if step.hint else ""
+        hint = ", ".join(filter(None, (step.hint, remaining_text(step.remaining_s(now_s)))))
+        html += f"<div style='color:{theme.MUTED};font-size:11.5px'>{html_text(hint)}</div>" if hint else ""
         html += _bar(step.share)
     elif step.state == "failed":
         html += f"<div style='font-size:11.5px'>{html_text(step.problem)}</div>"

@@ -26,6 +26,9 @@ logger = logging.getLogger(__name__)
 
 State = Literal["waiting", "running", "done", "failed"]
 SAY_EVERY: Final = 0.25
+LEAST_SHARE: Final = 0.03
+LEAST_S: Final = 2.0
+"""Share and time from which on a rate is measured: before, one kernel more doubles it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +45,13 @@ class Step:
     """Why it failed."""
     began_s: float = 0.0
     """Monotonic time at which it began, s."""
+
+    def remaining_s(self, now_s: float) -> float | None:
+        """Seconds that it will take yet, from the rate so far; None while too little is done to say."""
+        passed_s = now_s - self.began_s
+        if self.state != "running" or self.share < LEAST_SHARE or passed_s < LEAST_S:
+            return None
+        return passed_s * (1 - self.share) / self.share
 
 
 class Preparation:
@@ -101,7 +111,7 @@ class Preparation:
 
 
 DEMO: Final = "demo"
-FIRST_ONLY: Final = "on the first start only, about half a minute"
+FIRST_ONLY: Final = "on the first start only"
 OWN_STEPS: Final = {
     "simulation": Step("Compiling the simulation", FIRST_ONLY),
     "chain": Step("Compiling the ball detector and the player", FIRST_ONLY),
@@ -144,6 +154,9 @@ class Startup:
         self._lock = threading.Lock()
         self._stopped = False
         steps = REPLAY_STEPS if source is not None else OWN_STEPS if address is None else REMOTE_STEPS
+        place = marker()
+        if place is not None and place.exists():  # compiled before: it is only loaded
+            steps = {name: replace(step, hint="") if step.hint == FIRST_ONLY else step for name, step in steps.items()}
         self.preparation = Preparation(dict(steps), self._say_unless_stopped)
         self._children: list[ChildProcess] = []
         self._news = threading.Event()

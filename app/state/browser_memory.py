@@ -128,7 +128,7 @@ class BrowserMemory:
         with self._lock:
             try:
                 replace_file(self._path(browser), data, durable=False)
-                self._forget_the_oldest()
+                self._forget_the_oldest(browser)
             except (OSError, CommandError) as error:
                 logger.warning("the settings of a browser are not kept: %s", error)
 
@@ -162,18 +162,20 @@ class BrowserMemory:
                         if file.tell() > MAX_SEEN_BYTES:
                             file.truncate(0)
                         file.write(f"\n{what}\n".encode())
-                    self._forget_the_oldest()
+                    self._forget_the_oldest(browser)
             except (OSError, CommandError) as error:
                 logger.warning("what a browser has seen is not kept: %s", error)
 
     def _path(self, browser: str, kind: str = KINDS[0]) -> Path:
         return self._workspace.browsers / f"{browser}.{kind}"
 
-    def _forget_the_oldest(self) -> None:
+    def _forget_the_oldest(self, browser: str) -> None:
+        """Keep `MAX_BROWSERS` browsers, this one among them: times of files are coarse, and clocks are set back."""
         for kind in KINDS:
             files = list(self._workspace.browsers.glob(f"*.{kind}"))
             if len(files) > MAX_BROWSERS:
-                for path in sorted(files, key=lambda path: path.stat().st_mtime)[: len(files) - MAX_BROWSERS]:
+                others = sorted((path for path in files if path.stem != browser), key=lambda path: path.stat().st_mtime)
+                for path in others[: len(files) - MAX_BROWSERS]:
                     path.unlink(missing_ok=True)
 
 

@@ -169,6 +169,8 @@ class RenderSettings:
     rendering: Rendering = "polarity"
     colours: PolarityColours = "orange / blue"
     arrangement: Arrangement = "side by side"
+    magnifies_ball: bool = True
+    """Whether pictures of whole sensors show the ball magnified in a corner."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,6 +259,8 @@ class ClientState:
     watch: WatchView = field(default_factory=WatchView)
     looks: int = 0
     """Count of jumps from one mode to a moment in another."""
+    annotator: str | None = None
+    """Who labels in this browser; None until that was said."""
     score_by: str | None = None
     """Annotator against whose labels Tune is to score next."""
 

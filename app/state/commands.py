@@ -49,6 +49,16 @@ class SetMode:
 
 
 @dataclass(frozen=True, slots=True)
+class SignIn:
+    """Say who labels in this browser."""
+
+    annotator: str
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return replace(state, annotator=self.annotator)
+
+
+@dataclass(frozen=True, slots=True)
 class TogglePlay:
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
         head = state.playhead
@@ -173,6 +183,14 @@ class SetArrangement:
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
         valid = self.arrangement in ARRANGEMENTS
         return replace(state, look=replace(state.look, arrangement=self.arrangement)) if valid else state
+
+
+@dataclass(frozen=True, slots=True)
+class MagnifyBall:
+    show: bool
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return replace(state, look=replace(state.look, magnifies_ball=self.show))
 
 
 @dataclass(frozen=True, slots=True)
@@ -396,13 +414,17 @@ class Undo:
     """Undo the last change of the chosen method's configs."""
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
-        return state.with_history(state.history.undo())
+        before = state.history
+        after = before.undo()
+        return state if after is before else state.with_history(after)
 
 
 @dataclass(frozen=True, slots=True)
 class Redo:
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
-        return state.with_history(state.history.redo())
+        before = state.history
+        after = before.redo()
+        return state if after is before else state.with_history(after)
 
 
 def _with_config(state: ClientState, config: DetectorConfig, *, topic: object, wall_s: float) -> ClientState:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Hashable
 from dataclasses import dataclass
 
-from app.pictures.canvas import Canvas, encode_png, event_picture
+from app.pictures.canvas import Canvas, Rendering, encode_png, event_picture
 from app.pictures.palette import PaletteIndex
 from app.state.client_state import RenderSettings
+from app.views.ball_inset import draw_ball_inset
 from app.views.requests import window_before
 from app.views.stage_picture import draw_truth
+from core.events import Window
 from core.recordings import Recording
 
 WIDTH_PX = 640
@@ -46,6 +48,14 @@ class CameraPicturesRequest:
         return bool(self.used) and camera in self.circles and camera not in self.used
 
 
+def _draw_inset(
+    canvas: Canvas, window: Window, ball: tuple[float, float, float], ink: int, rendering: Rendering
+) -> None:
+    draw_ball_inset(
+        canvas, window, ball, rendering, lambda inset: inset.draw_circle(*ball, ink, thickness=3), titled=False
+    )
+
+
 def render_camera_pictures(request: CameraPicturesRequest) -> dict[str, bytes]:
     """Draw each camera's picture as PNG, by camera."""
     pngs: dict[str, bytes] = {}
@@ -61,5 +71,7 @@ def render_camera_pictures(request: CameraPicturesRequest) -> dict[str, bytes]:
             ink = PaletteIndex.HULL_REJECTED if request.is_outlier(name) else PaletteIndex.CIRCLE
             u_px, v_px, r_px = request.circles[name]
             canvas.draw_circle(u_px, v_px, max(r_px, LEAST_RADIUS_PX / canvas.scale), ink)
+            if request.look.magnifies_ball:
+                _draw_inset(canvas, window, request.circles[name], ink, request.look.rendering)
         pngs[name] = encode_png(canvas.image, request.look.colours)
     return pngs

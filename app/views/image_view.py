@@ -26,8 +26,12 @@ FOV_RAD: Final = math.radians(10)
 """Field of view of the camera: narrow, for almost no perspective; the mapping is exact for any."""
 BAR_PX: Final = 80
 """Height of the time bar, px."""
-PANEL_PX: Final = 150
-"""Height of the panel above it, with the gap between."""
+PANEL_PX: Final = 158
+"""Height assumed for the panel above it until the page has reported its own, px."""
+PANEL_GAP_PX: Final = 10
+"""Gap between the panel and what is above and below it, px."""
+MAX_FREE_SHARE: Final = 0.8
+"""Largest share of the window that is left to what is below the pictures."""
 USUAL_HEIGHT_PX: Final = 720
 """Height assumed for a window that has not reported its own."""
 BLANK_PNG_PX: Final = np.zeros((1, 1, 3), np.uint8)
@@ -48,6 +52,8 @@ class ImageView:
         self._framing = threading.Lock()
         """Lock: the camera is moved by the loop and by the browser's window reports."""
         self._window_px = USUAL_HEIGHT_PX
+        self._panel_px = PANEL_PX
+        self._aspect: float | None = None
         self.with_panel = True
         """Whether the mosaic leaves space for a panel above the time bar; takes effect with the next mosaic."""
         self.tell: Callable[[str, Mapping[str, Json]], None] = lambda kind, message: None
@@ -73,15 +79,42 @@ class ImageView:
         return self._sheet
 
     @property
+    def aspect(self) -> float:
+        """Width over height of the middle of the window.
+
+        The page's own report where there is one: viser's, made while the middle changes its size, may hold the old one.
+        """
+        return self._client.camera.aspect if self._aspect is None else self._aspect
+
+    @property
+    def free_aspect(self) -> float:
+        """Width over height of what is free for pictures above the panel and the time bar, in steps of 0.05."""
+        return max(0.2, round(20 * self.aspect / (1 - self.panel_share)) / 20)
+
+    @property
     def panel_share(self) -> float:
         """Share of the window's height that is free below the mosaic."""
-        return free_share(self._window_px, with_panel=self.with_panel)
+        return free_share(self._window_px, self._panel_px if self.with_panel else None)
 
     def window_resized(self, message: Mapping[str, object]) -> None:
         """Handle the page's report of its window size."""
         height = message.get("height")
         if isinstance(height, int) and 100 <= height <= 20_000:
             self._window_px = height
+            self.frame()
+
+    def picture_resized(self, message: Mapping[str, object]) -> None:
+        """Handle the page's report of the size of the middle."""
+        width, height = message.get("width"), message.get("height")
+        if isinstance(width, int) and isinstance(height, int) and all(8 <= px <= 40_000 for px in (width, height)):
+            self._aspect = width / height
+            self.frame()
+
+    def panel_resized(self, message: Mapping[str, object]) -> None:
+        """Handle the page's report of the height of the panel below the pictures."""
+        height = message.get("height")
+        if isinstance(height, int) and 0 <= height <= 20_000:
+            self._panel_px = height
             self.frame()
 
     def set_visible(self, visible: bool) -> None:
@@ -139,7 +172,7 @@ class ImageView:
                 self._frame(again)
 
     def _frame(self, again: bool) -> None:
-        aspect = self._client.camera.aspect
+        aspect = self.aspect
         wanted = (float(self._sheet.width), float(self._sheet.height), round(aspect, 3), self.panel_share)
         if wanted == self._framed and not again:
             return
@@ -169,9 +202,10 @@ class ImageView:
         return image
 
 
-def free_share(window_px: float, *, with_panel: bool) -> float:
-    """Share of a window of this height that is below the pictures; at most half."""
-    return min(0.5, (BAR_PX + PANEL_PX * with_panel) / window_px)
+def free_share(window_px: float, panel_px: float | None) -> float:
+    """Share of a window of this height that is below the pictures; `panel_px` is None where no panel stands there."""
+    below_px = BAR_PX + (0 if panel_px is None else panel_px + PANEL_GAP_PX)
+    return min(MAX_FREE_SHARE, below_px / window_px)
 
 
 def framing(width: float, height: float, aspect: float, panel_share: float) -> tuple[float, float]:
@@ -192,9 +226,3 @@ def set_png(image: viser.ImageHandle | viser.GuiImageHandle, png: bytes) -> None
     """Hand over encoded bytes: viser would encode an RGB array again, ten times slower than an indexed PNG."""
     image._format = "png"
     image._data = png
-
-
-def set_frustum_png(frustum: viser.CameraFrustumHandle, png: bytes) -> None:
-    """Set the PNG of a camera frustum."""
-    frustum._format = "png"
-    frustum._image_data = png

@@ -13,6 +13,7 @@ from app.pictures.palette import PaletteIndex
 from app.state.client_state import RenderSettings, TuneView
 from app.state.swept_cells import SweptCells, TableClicks
 from app.views.answer_cache import AnswerCache
+from app.views.ball_inset import draw_ball_inset
 from app.views.mosaic import Mosaic, columns_of, lay_out
 from app.views.stage_picture import draw_detection, draw_stage, draw_truth, miss_px
 from core.cameras import Camera
@@ -25,7 +26,7 @@ from core.errors import CalibrationError
 from core.events import Window
 from core.metrics.run import WindowAnswer, answer_window
 from core.metrics.score import MATCH_RADIUS_PX
-from core.recordings import CameraStream, Recording
+from core.recordings import CameraStream, PixelTruth, Recording
 
 RADIUS_PX = 8
 OUTLINE = ("robot-left", "robot-right", "opponent-right", "opponent-left")
@@ -101,6 +102,8 @@ class TuneRequest:
     """Cache of answers: each takes tens of windows to compute."""
     last_px: tuple[float, float] | None = None
     """Last position of the ball: a zoomed view stays there while a setting rejects it."""
+    aspect: float | None = None
+    """Width over height of what the window leaves to all pictures; a zoomed view fills it. None: the sensor's shape."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,6 +155,9 @@ def render_watch(request: WatchRequest) -> Mosaic:
             wrong = request.show_truth and is_wrong(miss_px(detection, stream.truth))
             ink = PaletteIndex.HULL_REJECTED if wrong else PaletteIndex.CIRCLE
             draw_detection(canvas, detection, window.end_us, ink)
+            if look.magnifies_ball and not (request.table.active or request.swept.active):
+                truth = stream.truth if request.show_truth else None
+                _draw_inset(canvas, window, answer, truth, look, ink)
             balls.append((name, int(cells_of((detection.u_px, detection.v_px), stream.sensor)[0])))
         if request.swept.active:
             for cell in request.swept.missing(name):
@@ -169,6 +175,21 @@ def render_watch(request: WatchRequest) -> Mosaic:
     return replace(lay_out(canvases, look.colours, look.arrangement), ball_cells=tuple(balls))
 
 
+def _draw_inset(
+    canvas: Canvas, window: Window, answer: WindowAnswer, truth: PixelTruth | None, look: RenderSettings, ink: int
+) -> None:
+    """Draw the found ball magnified over a window's events, with the true circle at its time if `truth` is given."""
+    ball = answer.detection
+    if ball is None:
+        return
+
+    def draw_marks(inset: Canvas) -> None:
+        draw_truth(inset, truth, answer.valid_us)
+        draw_detection(inset, ball, window.end_us, ink)
+
+    draw_ball_inset(canvas, window, (ball.u_px, ball.v_px, ball.r_px), look.rendering, draw_marks)
+
+
 def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[WindowAnswer, ...]]:
     """Draw the chosen stage of one window, one picture per config.
 
@@ -177,7 +198,7 @@ def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[WindowAnswer, ...]]
     view = request.view
     across = len(request.configs) if request.look.arrangement == "side by side" else 1
     found = [request.answers.find(request.stream, view.method, config, request.t_us) for _, config in request.configs]
-    region = _region(request, found[0])
+    region = _region(request, found[0], across)
     canvases: list[Canvas] = []
     for (name, _), answer in zip(request.configs, found, strict=True):
         canvas = Canvas(region, across=across)
@@ -186,6 +207,10 @@ def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[WindowAnswer, ...]]
         draw_stage(canvas, answer.window, answer.trace, view.stage, request.look.rendering, wrong=wrong)
         if view.show_truth:
             draw_truth(canvas, request.stream.truth, answer.valid_us)
+        if view.zoom <= 1.0 and request.look.magnifies_ball and answer.detection is not None:
+            truth = request.stream.truth if view.show_truth else None
+            ink = PaletteIndex.HULL_REJECTED if wrong else PaletteIndex.CIRCLE
+            _draw_inset(canvas, answer.window, answer, truth, request.look, ink)
         canvas.caption(f"{request.stream.name}, {view.method}, config {name}: {_when(answer)}")
         canvases.append(canvas)
     return lay_out(canvases, request.look.colours, request.look.arrangement), tuple(found)
@@ -201,7 +226,7 @@ def _when(answer: WindowAnswer) -> str:
     window, events = answer.window, f"{len(answer.window.events)} events"
     if answer.detection is None or answer.valid_us == window.end_us:
         return events
-    return f"{events}, ball valid {window.end_us - answer.valid_us} µs before the end"
+    return f"{events}, ball at {answer.valid_us / 1e3:.3f} ms"
 
 
 def window_before(stream: CameraStream, t_us: int, window_us: int) -> Window:
@@ -210,7 +235,7 @@ def window_before(stream: CameraStream, t_us: int, window_us: int) -> Window:
     return Window(stream.slice(end_us - window_us, end_us), end_us - window_us, end_us)
 
 
-def _region(request: TuneRequest, answer: WindowAnswer) -> Region:
+def _region(request: TuneRequest, answer: WindowAnswer, across: int) -> Region:
     """Visible region around the chosen point, else the ball, the region of interest, its last position, or the
     middle.
     """
@@ -228,4 +253,7 @@ def _region(request: TuneRequest, answer: WindowAnswer) -> Region:
         centre = request.last_px
     else:
         centre = (sensor.width_px / 2, sensor.height_px / 2)
-    return Region.around(*centre, sensor, view.zoom)
+    aspect = request.aspect
+    if aspect is not None:  # of each picture
+        aspect *= -(-len(request.configs) // across) / across
+    return Region.around(*centre, sensor, view.zoom, aspect)

@@ -61,14 +61,16 @@ class Admission:
             )
 
     @classmethod
-    def of_address(cls, host: str, token: str | None) -> Admission:
+    def of_address(cls, host: str, token: str | None, *, moves_machines: bool = False) -> Admission:
         """The rules of a server that listens on `host`; beyond this machine it gets a token if it has none.
+
+        On this machine, too, if it `moves_machines`: other users of it could start the robot, or use the cameras.
 
         Raises:
             CommandError: if the token is too short or could not stand in a link.
         """
         local = host in LOCAL_HOSTS
-        return cls(local, make_token() if token is None and not local else token)
+        return cls(local, make_token() if token is None and (moves_machines or not local) else token)
 
     def judge(self, caller: RequestOrigin) -> Verdict:
         """Whether a request is admitted, and if not, why."""

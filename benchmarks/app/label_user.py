@@ -40,7 +40,7 @@ LINES_JS: Final = (
 """What the app says in words; reading it lays nothing out, which would cost more than what is measured."""
 COUNT_JS: Final = f"+({LINES_JS}.match(/times checked, (\\d+) labels?/) || [0, -1])[1]"
 SCORED_JS: Final = f"+({LINES_JS}.match(/against (\\d+) labels by/) || [0, 0])[1]"
-TIME_JS: Final = "+document.getElementById('rallyscope-time').value"
+TIME_JS: Final = "parseInt(document.getElementById('rallyscope-us').textContent)"
 PATIENCE_MS: Final = 2500
 HAND_MS: Final = 120
 """From one field to the next: of what is changed within 50 ms viser sends only the last control's."""
@@ -157,15 +157,13 @@ class _User:
             self._page.wait_for_timeout(1000)
         self._page.wait_for_timeout(1500)
         before = int(self._times[0]) - DEFAULT_STEP_US
-        self._page.get_by_label("Time [µs]").fill(str(before))
-        self._page.get_by_label("Time [µs]").press("Enter")
+        self._page.get_by_label("Time", exact=True).fill(str(before))
+        self._page.get_by_label("Time", exact=True).press("Enter")
         label = self._page.locator("label").filter(has_text=re.compile("^Annotator$"))
         name = label.locator("xpath=ancestor::*[.//input][1]").locator("input").last
         self._page.wait_for_timeout(HAND_MS)
-        name.fill("")  # after the kill it is there already: that of the last annotator is offered
-        self._page.wait_for_timeout(HAND_MS)
         name.fill(ANNOTATOR)
-        name.blur()  # keys do nothing while a field has the cursor
+        name.press("Enter")  # gives the keyboard back
         while self._time() <= before:  # a press before the labels of that name are there is for nothing
             self._key("u")
             self._page.wait_for_timeout(1000)
@@ -233,7 +231,7 @@ class _User:
         width, height = self._size.width_px, self._size.height_px
         main = round(1280 * height / width)
         sheet = main + GAP_PX + HEIGHT_PX + GAP_PX + round(634 * height / width)
-        visible, middle = framing(1280, sheet, box["width"] / box["height"], free_share(WINDOW[1], with_panel=False))
+        visible, middle = framing(1280, sheet, box["width"] / box["height"], free_share(WINDOW[1], None))
         scale = box["height"] / visible
         x, y = (x_px + 0.5) * 1280 / width - 640, (y_px + 0.5) * 1280 / width - middle
         return box["x"] + box["width"] / 2 + x * scale, box["y"] + box["height"] / 2 + y * scale

@@ -14,7 +14,7 @@ from core.errors import CalibrationError
 Array = NDArray[np.float64]
 
 UNKNOWNS: Final = 5
-"""Of a relative pose that pictures can tell: three of the rotation, two of the direction of the baseline."""
+"""Numbers of a relative pose that pictures determine: three of the rotation, two of the direction of the baseline."""
 ROUNDS: Final = 12
 HUBER_SIGMAS: Final = 1.5
 """Sightings farther off than that pull no harder (Huber's weights)."""
@@ -35,7 +35,7 @@ class EpipolarDrift:
     sigma_px: float
     """Standard deviation of `drift_px`, if the sightings err independently."""
     elsewhere_px: float | None = None
-    """Of the same change the root mean square over other places; None if none were asked for."""
+    """The same change's root mean square over other places; None if none were asked for."""
     elsewhere_sigma_px: float = 0.0
 
 

@@ -28,7 +28,7 @@ DSEC_EVENTS = {"left": 0, "right": 3}
 """Our name -> number of DSEC's event cameras; cam1 and cam2 take ordinary pictures."""
 
 KEYS = {"intrinsics", "resolution"}
-"""Of a camera in Kalibr's files."""
+"""Keys that mark a camera in Kalibr's files."""
 
 
 def looks_like_kalibr(tree: CalibrationNode) -> bool:

@@ -22,7 +22,7 @@ FISHEYE_ROUNDS: Final = 50
 """At most, of the search for an angle, which halves an interval where Newton's step leaves it."""
 CONVERGED: Final = 1e-12
 WRONG: Final = 1e-7
-"""Of a pinhole coordinate: no ray leads to a pixel that the lens model misses by more."""
+"""Largest error of a pinhole coordinate: no ray leads to a pixel that the lens model misses by more."""
 BRACKET_RAD: Final = math.pi / 2 - 1e-6
 """Rays farther from the axis have no pinhole coordinates."""
 

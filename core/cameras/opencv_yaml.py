@@ -75,7 +75,7 @@ ROUGH: Final = 1e-3
 
 
 NO_SKEW: Final = 1e-6
-"""Of the focal length: a thousandth of a pixel at the edge of the picture."""
+"""Largest skew, as a share of the focal length: a thousandth of a pixel at the edge of the picture."""
 
 
 class OpenCVLoader(UntaggedLoader):

@@ -23,7 +23,7 @@ FOCAL_RATIO: Final = 2.0
 """Between fx and fy; pixels are square in all event cameras."""
 ODD_RATIO: Final = 1.1
 ODD_CENTRE: Final = 0.2
-"""Of the side, off the middle of the picture."""
+"""Distance of the principal point, as a share of the side, off the middle of the picture."""
 GRID: Final = (16, 12)
 """Pixels of the picture for which a ray is looked for."""
 MOST_BLIND: Final = 0.5

@@ -35,7 +35,7 @@ FACTORS: Final = (
 LIKELY_SQUARE_M: Final = (0.005, 0.3)
 SQUARE_KEYS: Final = ("square_size", "squareSize", "board_square_size", "square_length", "tag_size")
 LARGEST_SQUARE_M: Final = 0.5
-"""Of a board; larger ones are in other units."""
+"""Longest square of a board; larger ones are in other units."""
 
 
 UNIT_KEYS: Final = ("unit", "units", "length_unit", "translation_unit", "baseline_unit", "distance_unit")
@@ -128,5 +128,5 @@ def likely_unit(length: float, likely: tuple[float, float] = LIKELY_M) -> str:
     fits = [(factor, unit) for factor, unit in FACTORS if likely[0] <= length * factor <= likely[1]]
     if not fits:
         return "write lengths in metres; --calibration-unit mm reads them as millimetres"
-    said = [f"times {factor:g} it is {length * factor:.3g} m ({unit})" for factor, unit in fits]
-    return "; ".join(said)
+    readings = [f"times {factor:g} it is {length * factor:.3g} m ({unit})" for factor, unit in fits]
+    return "; ".join(readings)

@@ -19,7 +19,7 @@ from core.table import TABLE_LENGTH_M, TABLE_WIDTH_M
 
 Array = NDArray[np.float64]
 HIGHEST_M: Final = 0.5
-"""Of the volume above the table: as high as most balls fly."""
+"""Height of the volume above the table: as high as most balls fly."""
 FEWEST_PLACES: Final = 20
 OTHERS_FIT: Final = 0.5
 """A camera is named if the pairs without it fit, and have drifted by less than such a share of the worst (choice)."""
@@ -68,7 +68,7 @@ class DriftReport:
     """None as long as nothing is said."""
     alarm: bool = False
     camera: str | None = None
-    """Of three cameras or more the one that was moved: all pairs without it fit. None if that is not so of one only."""
+    """The one of three cameras or more that was moved: all pairs without it fit. None if that is not so of one only."""
 
 
 class CalibrationDrift:

@@ -50,7 +50,7 @@ class ChainState:
     detections: dict[str, Detection | None]
     """By camera, of this step's windows."""
     point: BallPoint | None
-    """Of this step: the rays met and the point passed the gate."""
+    """This step's point: the rays met and the point passed the gate."""
     verdict: Verdict | None
     """How the point stands to the flight; None without rays that meet."""
     prediction: Prediction | None

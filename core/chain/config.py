@@ -22,7 +22,7 @@ from core.trajectory.config import published_predictor
 from core.trajectory.stereo_filters import chain_filter, refined_filter
 
 TABLE_FRICTION: Final = 0.15
-"""Of the simulated table (choice), and what a chain expects of one."""
+"""Friction of the simulated table (choice), and what a chain expects of one."""
 
 
 def chain_predictor() -> PaperPredictorConfig:

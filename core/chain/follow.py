@@ -38,7 +38,7 @@ class Track:
     step_s: Array
     """(windows,) wall time of the chain's steps."""
     cameras: tuple[tuple[str, ...], ...] = ()
-    """Of each point, the cameras that it is made of."""
+    """For each point, the cameras that it is made of."""
     drift: DriftReport = field(default_factory=DriftReport)
     """Whether the calibration fits these points."""
 

@@ -82,8 +82,8 @@ class TimeAligner:
     def _covariance(self, name: str) -> NDArray[np.float64]:
         """(2, 2) of the camera's newest detection."""
         track = self._last[name]
-        said = track[-1].centre_covariance_px2 if track else None
-        return np.full((2, 2), np.nan) if said is None else said
+        stated = track[-1].centre_covariance_px2 if track else None
+        return np.full((2, 2), np.nan) if stated is None else stated
 
     def _read(self, name: str, t_us: int) -> NDArray[np.float64]:
         track = self._last[name]

@@ -37,6 +37,10 @@ class EbppConfig:
     """Smallest radius of a circle."""
     radius_max_px: int = setting(20, 3, 300)
     """Largest radius of a circle."""
+    fresh_min: float = setting(0.3, 0.0, 5.0, step=0.05)
+    """Fewest events of the window within 3 px of a circle, per pixel of its circumference. The surface shows an edge
+    long after it has stopped or left. Simulated balls of 3 to 8 m/s had 4 or more, 5 noise events a second and pixel
+    give 0.06."""
     roi_expand_px: float = setting(30.0, 5.0, 400.0, step=1.0)
     """Half the side of the search square around the last centre."""
     misses_to_reset: int = setting(3, 1, 50)

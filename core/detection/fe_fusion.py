@@ -44,14 +44,17 @@ class Clusters(NamedTuple):
     """Mean distance of the events from the centroid."""
     elongation: NDArray[np.float64]
     """Longer side of the upright bounding box over the shorter one."""
+    fresh: NDArray[np.float64]
+    """Share of the events that are new, see `new_events`."""
 
 
 @njit
-def measure_clusters(x_px, y_px, memory: ClusterMemory) -> Clusters:
+def measure_clusters(x_px, y_px, new, memory: ClusterMemory) -> Clusters:
     """The DBSCAN clusters of one event or more; noise is left out."""
     count, labels = len(x_px), memory.labels
     clusters = label_events(x_px, y_px, NO_TIMES, memory)
     events, sum_x, sum_y = np.zeros(clusters, np.int64), np.zeros(clusters), np.zeros(clusters)
+    fresh = np.zeros(clusters)
     low, high = np.full((2, clusters), np.inf), np.full((2, clusters), -np.inf)
     for i in range(count):
         label = labels[i]
@@ -60,6 +63,7 @@ def measure_clusters(x_px, y_px, memory: ClusterMemory) -> Clusters:
             events[label] += 1
             sum_x[label] += x
             sum_y[label] += y
+            fresh[label] += new[i]
             low[0, label], high[0, label] = min(low[0, label], x), max(high[0, label], x)
             low[1, label], high[1, label] = min(low[1, label], y), max(high[1, label], y)
     u, v, distance = sum_x / events, sum_y / events, np.zeros(clusters)
@@ -69,7 +73,12 @@ def measure_clusters(x_px, y_px, memory: ClusterMemory) -> Clusters:
             distance[label] += math.hypot(x_px[i] - u[label], y_px[i] - v[label])
     sides = high - low + 1.0
     elongation = np.maximum(sides[0] / sides[1], sides[1] / sides[0])
-    return Clusters(events, u, v, distance / events, elongation)
+    return Clusters(events, u, v, distance / events, elongation, fresh / events)
+
+
+def new_events(events: Events, window: Window) -> NDArray[np.bool_]:
+    """(N,) whether each event is of the last third of the window."""
+    return 3 * (window.end_us - events.t_us) <= window.end_us - window.start_us
 
 
 def possible_balls(clusters: Clusters, config: FeFusionConfig) -> NDArray[np.intp]:
@@ -92,12 +101,13 @@ def ball_limits(config: FeFusionConfig) -> tuple[Limit, ...]:
         Limit("radius", "fe_fusion.radius_min_px", config.radius_min_px, inf, "px"),
         Limit("radius", "fe_fusion.radius_max_px", -inf, config.radius_max_px, "px"),
         Limit("elongation", "fe_fusion.elongation_max", -inf, config.elongation_max),
+        Limit("events in the last third", "fe_fusion.fresh_min", config.fresh_min, inf),
     )
 
 
 def _measured(clusters: Clusters) -> tuple[NDArray[np.number], ...]:
     """What is compared with `ball_limits`, in its order."""
-    return clusters.events, clusters.r_px, clusters.r_px, clusters.elongation
+    return clusters.events, clusters.r_px, clusters.r_px, clusters.elongation, clusters.fresh
 
 
 VIEWS: Final = (RAW, "denoised", "clusters", RESULT)
@@ -160,7 +170,9 @@ class FeFusionDetector:
         if len(events):
             if len(events) > self._room:
                 self._make_room(2 * len(events))
-            clusters = self._clusters = measure_clusters(events.x_px, events.y_px, self._memory)
+            clusters = self._clusters = measure_clusters(
+                events.x_px, events.y_px, new_events(events, window), self._memory
+            )
             possible = possible_balls(clusters, self.config)
             if len(possible):
                 ball = possible[0]
@@ -245,7 +257,7 @@ def _view_of(trace: FeFusionTrace, window: Window, config: FeFusionConfig, reaso
             "fe_fusion": StageCount(len(rows), good, "within the limits", "clusters", trace.seconds),
         },
         noun="cluster",
-        titles=("events", "radius [px]", "elongation"),
+        titles=("events", "radius [px]", "elongation", "in the last third"),
         candidates=rows,
         detection=trace.detection,
         reasons=() if trace.detection is not None else reasons,
@@ -263,6 +275,7 @@ def _rows(trace: FeFusionTrace, clusters: Clusters, config: FeFusionConfig) -> l
                 f"{clusters.events[number]}",
                 f"{clusters.r_px[number]:.1f}",
                 f"{clusters.elongation[number]:.2f}",
+                f"{clusters.fresh[number]:.2f}",
             ),
             reasons=why,
             verdict="ball" if number == best else "smaller than the ball's",

@@ -31,6 +31,9 @@ class FeFusionConfig:
     """Largest radius of a ball."""
     elongation_max: float = setting(1.7, 1.0, 10.0, step=0.1)
     """Largest ratio of the sides of the ball's upright bounding box."""
+    fresh_min: float = setting(0.15, 0.0, 1.0, step=0.01)
+    """Smallest share of the cluster's events in the last third of the window. Steady motion brings a third, 0.25
+    or more in simulated serves; the trail of what has left none, and its centroid is where nothing is any more."""
     roi_expand_px: float = setting(30.0, 5.0, 400.0, step=1.0)
     """Half the side of the square around the last centre, outside which events do not count."""
     misses_to_reset: int = setting(3, 1, 50)

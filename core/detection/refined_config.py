@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
 from core.config import check_settings, setting
 
@@ -15,10 +16,23 @@ class RefinedConfig:
     """Smallest radius of a ball. A first estimate may be 0.6 times as large."""
     radius_max_px: float = setting(40.0, 3.0, 300.0, step=0.5, stage="search")
     """Largest radius of a ball. A first estimate may be 1.5 times as large, a blob four times."""
+    neighbours_min: int = setting(5, 3, 8, stage="search")
+    """Fewest of a pixel's eight neighbours with an event in the same time span: lone noise has none, an edge as wide as
+    a pixel has two. Three of them must be beside it, above it or below it."""
+    blob_elongation_max: float = setting(3.0, 1.0, 10.0, step=0.1, stage="search")
+    """Largest ratio of the sides of a blob, after one cell of 4 px. The tail of a fast ball makes its blob long."""
+    trials_max: int = setting(4, 1, 16, stage="candidates")
+    """Most blobs fitted in a window; the others wait for the next ones. Each costs one fit of up to 0.2 ms."""
+    tracks_max: int = setting(6, 1, 16, stage="candidates")
+    """Most candidates followed at once; meanwhile no further blob is fitted."""
     speed_min_px_per_ms: float = setting(0.12, 0.0, 5.0, step=0.01, stage="candidates")
     """Slowest ball."""
     speed_max_px_per_ms: float = setting(25.0, 0.5, 100.0, step=0.5, stage="candidates")
     """Fastest ball."""
+    edge: Literal["sharp", "soft"] = field(default="sharp", metadata={"stage": "edge points"})
+    """sharp: the ball has a rim, whose first and last events are fitted. soft: a glow, or a ball out of focus, whose
+    light falls off over a good part of its radius: all events of the disc are fitted by place and polarity. What the
+    limits of a fit then compare is in docs/how/detector.md."""
     motion_px: float = setting(3.5, 1.0, 12.0, step=0.5, stage="edge points")
     """History of a fit, in pixels of the ball's motion: enough for both edges to cross whole pixels."""
     history_min_us: int = setting(2000, 500, 20_000, step=100, stage="edge points")
@@ -32,7 +46,7 @@ class RefinedConfig:
     below only by the error of a fit."""
     stretch_max_ms: float = setting(2.5, 0.5, 20.0, step=0.1, stage="fit")
     """Largest edge latency. It was 0.4 to 2 ms on drawn sensors; a slow photoreceptor has more."""
-    residual_px: float = setting(0.55, 0.1, 3.0, step=0.05, stage="fit")
+    residual_px: float = setting(0.55, 0.1, 6.0, step=0.05, stage="fit")
     """Largest root mean square distance of the edge points from the circle, robustly weighted."""
     coverage_min: float = setting(0.55, 0.1, 1.0, step=0.05, stage="fit")
     """Smallest share of the circle's sectors with edge points."""
@@ -47,6 +61,13 @@ class RefinedConfig:
     fresh_min: float = setting(0.06, 0.0, 1.0, step=0.01, stage="fit")
     """Smallest share of the leading edge's points in the last third of the history. Steady motion brings a third; what
     has vanished none, while a long history alone would still fit."""
+    candidate_coast_us: int = setting(3000, 0, 50_000, step=500, stage="track")
+    """A candidate that is not yet a ball is dropped after this long without a fit."""
+    same_radius: float = setting(0.2, 0.02, 1.0, step=0.01, stage="track")
+    """Largest change of a confirmed ball's radius from fit to fit, as a share of it."""
+    same_contrast: float = setting(0.5, 0.0, 1.0, step=0.05, stage="track")
+    """Smallest number of events of an edge pixel of a confirmed ball, as a share of its mean: what else is there is
+    mostly paler."""
     confirm_fits: int = setting(4, 1, 20, stage="track")
     """Consistent fits needed to confirm a ball."""
     evidence_min: float = setting(2.0, 0.0, 6.0, step=0.5, stage="track")

@@ -134,8 +134,8 @@ def _figures(candidate: Candidate, name: str, lost: bool) -> str:
     if name not in ("clusters", "geometry"):
         return ""
     if name == "clusters" or candidate.shape is None:
-        return f"{candidate.label}: {candidate.size} ev"
-    return f"{candidate.label}: c {candidate.shape.circularity:.2f} s {candidate.shape.solidity:.2f}"
+        return f"{candidate.label}: {candidate.size} events"
+    return f"{candidate.label}: circularity {candidate.shape.circularity:.2f}, solidity {candidate.shape.solidity:.2f}"
 
 
 def _row(candidate: Candidate) -> CandidateRow:

@@ -27,6 +27,7 @@ from core.devices.camera_device import RawDevice, RawPacket
 from core.devices.clock_fit import ClockEstimate, ClockFit, ClockShift
 from core.errors import WRITE_REMEDY, DeviceError, RallyscopeError, RecordingError
 from core.events.clock_table import COLUMNS
+from core.files import beside
 from core.recordings.evt3_encoder import evt3_header
 
 logger = logging.getLogger(__name__)
@@ -308,7 +309,7 @@ def raw_path(out: Path, name: str) -> Path:
 
 
 def _beside(out: Path, ending: str) -> Path:
-    return out.with_name(f"{out.stem}.{ending}")
+    return beside(out.with_suffix(""), "", f".{ending}")
 
 
 def _create(path: Path, *, overwrite: bool) -> BinaryIO:

@@ -175,7 +175,7 @@ class CommandSender:
         self._meter = LiveMeter()
         self._changed = threading.Condition()
         self._order: QueuedCommand | None = None
-        self._stop = False
+        self._sending = self._stop = False
         self._thread = threading.Thread(target=self._run, name="racket-commands", daemon=True)
         self._thread.start()
 
@@ -183,6 +183,12 @@ class CommandSender:
         """Use a new meter; a queued command of the old session is dropped."""
         with self._changed:
             self._meter, self._order = meter, None
+
+    @property
+    def idle(self) -> bool:
+        """Whether no command waits or is under way."""
+        with self._changed:
+            return self._order is None and not self._sending
 
     def put(self, order: QueuedCommand) -> None:
         """Send this command next."""
@@ -204,8 +210,12 @@ class CommandSender:
                 if self._stop:
                     return
                 order, self._order, meter = self._order, None, self._meter
+                self._sending = True
             assert order is not None
-            self._send(order, meter)
+            try:
+                self._send(order, meter)
+            finally:
+                self._sending = False
 
     def _send(self, order: QueuedCommand, meter: LiveMeter) -> None:
         state, target = self._source.state, order.decision.target

@@ -130,6 +130,11 @@ class LivePlayer:
         """Whether commands are sent."""
         return self._playing
 
+    @property
+    def idle(self) -> bool:
+        """Whether every racket command of the newest snapshot has been answered, if there is a robot."""
+        return self._sender is None or self._sender.idle
+
     def use(self, controller: LiveController) -> None:
         """Use another controller from the next block on; it gets the same knowledge of the physics as the player."""
         self._controller = self._with_physics(controller)
@@ -305,7 +310,8 @@ class LivePlayer:
         state, player = block.state, self._player
         if state.session != self._session:
             return
-        self._meter.dropped += max(0, self._flight.blocks_missing(state) - counted)
+        with self._changed:  # the link's thread counts too
+            self._meter.dropped += max(0, self._flight.blocks_missing(state) - counted)
         self._flight.see(state)
         if player is None:
             return
@@ -315,7 +321,8 @@ class LivePlayer:
         try:
             events = {batch.camera: batch.events() for batch in block.batches if batch.camera in self._cameras}
         except LinkError as error:
-            self._meter.dropped += 1
+            with self._changed:
+                self._meter.dropped += 1
             self._problem = str(error)
             return
         for windows in block_windows(events, state.start_us, state.t_us, self._config.window_us) if events else ():

@@ -37,33 +37,43 @@ class MethodSample:
         return self.found / self.windows if self.windows else 0.0
 
 
-def sample_method(stream: CameraStream, method: Method, config: DetectorConfig) -> MethodSample:
-    """Run a method over `STRETCHES` stretches of a camera, evenly spread; over all of a short recording."""
+def sample_method(
+    stream: CameraStream, method: Method, config: DetectorConfig, span_us: tuple[int, int] | None = None
+) -> MethodSample:
+    """Run a method over `STRETCHES` stretches of a camera, evenly spread over a span, by default the whole recording.
+
+    A span that is shorter than these is run as a whole.
+    """
     settings = method_config(method, config)
-    window_us, end_us = settings.window.window_us, duration_of(stream)
+    window_us, (first_us, last_us) = settings.window.window_us, span_us or (0, duration_of(stream))
     counter, windows, found = ReasonCounter(), 0, 0
     detector = make_detector(method, stream.sensor, settings)
-    for start_us, stop_us in _stretches(end_us):
-        run_detector(stream, detector, window_us, start_us=max(0, start_us - LEAD_IN_US), end_us=start_us)
+    for start_us, stop_us in _stretches(first_us, last_us):
+        run_detector(stream, detector, window_us, start_us=max(first_us, start_us - LEAD_IN_US), end_us=start_us)
         answers = run_detector(stream, _Going(detector), window_us, start_us=start_us, end_us=stop_us, reasons=counter)
         windows += len(answers.end_us)
         found += int(answers.detected.sum())
     return MethodSample(method, windows, found, counter.counts())
 
 
-def best_other(stream: CameraStream, method: Method, configs: Mapping[Method, DetectorConfig]) -> MethodSample | None:
+def best_other(
+    stream: CameraStream,
+    method: Method,
+    configs: Mapping[Method, DetectorConfig],
+    span_us: tuple[int, int] | None = None,
+) -> MethodSample | None:
     """The sample of the other method that finds a ball most often; None if none does."""
-    others = [sample_method(stream, other, config) for other, config in configs.items() if other != method]
+    others = [sample_method(stream, other, config, span_us) for other, config in configs.items() if other != method]
     best = max(others, key=lambda one: one.share, default=None)
     return best if best is not None and best.found else None
 
 
-def _stretches(end_us: int) -> list[tuple[int, int]]:
-    """Start and end of each stretch of a recording that ends at `end_us`."""
-    if end_us <= STRETCHES * STRETCH_US:
-        return [(0, end_us)]
-    gap_us = (end_us - STRETCH_US) // (STRETCHES - 1)
-    return [(number * gap_us, number * gap_us + STRETCH_US) for number in range(STRETCHES)]
+def _stretches(first_us: int, last_us: int) -> list[tuple[int, int]]:
+    """Start and end of each stretch of a span."""
+    if last_us - first_us <= STRETCHES * STRETCH_US:
+        return [(first_us, last_us)]
+    gap_us = (last_us - first_us - STRETCH_US) // (STRETCHES - 1)
+    return [(start_us, start_us + STRETCH_US) for start_us in range(first_us, last_us, gap_us)][:STRETCHES]
 
 
 class _Going:

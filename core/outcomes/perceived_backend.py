@@ -54,7 +54,7 @@ class PerceivedBackend:
         """The chain learns the physical constants by itself.
 
         Raises:
-            CalibrationError: if the cameras of the court cannot see depth.
+            CalibrationError: if the cameras cannot see depth.
         """
         hit_x_m = environment.task.stroke.hit_plane_x_m
         config = chain or ChainConfig()

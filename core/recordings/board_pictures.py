@@ -27,9 +27,10 @@ from core.recordings.recording import CameraStream
 VIDEO_SUFFIXES: Final = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".mjpg", ".m4v")
 IMAGE_SUFFIXES: Final = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 BRIGHT_PERCENTILE: Final = 99.0
-"""Of the counts above 0: white."""
+"""White is this percentile of the counts above 0."""
 BLINK_SHARE: Final = 0.01
-"""Of the pixels; a ball has a tenth of that in 5 ms, a board that is worth finding fills several times as much."""
+"""Least share of the pixels that must blink; a ball has a tenth of that in 5 ms, a board that is worth finding fills
+several times as much."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

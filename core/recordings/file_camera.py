@@ -39,10 +39,10 @@ class FileCamera:
     """One camera of a recording file."""
 
     def __init__(
-        self, recording: RowsOfFile, group: h5py.Group, threads: ThreadPoolExecutor, told: DamageNotes
+        self, recording: RowsOfFile, group: h5py.Group, threads: ThreadPoolExecutor, notes: DamageNotes
     ) -> None:
         self._recording = recording
-        self._told = told
+        self._notes = notes
         self._name = str(group.name).rsplit("/", 1)[-1]
         self._sensor = SensorSize(*(whole_number(group, side, 1, 65536) for side in ("width", "height")))
         where = f"{recording.path}, camera {self._name}"
@@ -53,11 +53,11 @@ class FileCamera:
         """The recording is at least so long."""
         self._blocks.check_index(self._marks)
         self.t_offset_us = 0
-        with told.left_out(f"the time offset of camera {self._name}"):
+        with notes.left_out(f"the time offset of camera {self._name}"):
             self.t_offset_us = _whole_scalar(dataset_at(group, "t_offset"))
         self._calibration: Camera | None = None
         if "calibration" in names_in(group):
-            with told.left_out(f"the calibration of camera {self._name}"):
+            with notes.left_out(f"the calibration of camera {self._name}"):
                 self._calibration = layout.read_calibration(group_at(group, "calibration"), self._sensor)
 
     def _read_index(self, group: h5py.Group, last_us: int | None) -> NDArray[np.int64]:
@@ -72,7 +72,7 @@ class FileCamera:
             if (last_us is not None and len(marks) != last_us // 1000 + 1) or bool(count) != bool(len(marks)):
                 raise RecordingError("its length does not fit the events", got=len(marks))
         except RecordingError as error:
-            self._told.add(f"The index ms_to_idx of camera {self._name} was computed again: {error}.")
+            self._notes.add(f"The index ms_to_idx of camera {self._name} was computed again: {error}.")
             return np.append(self._blocks.compute_index(), count)
         return np.append(marks.astype(np.int64), count)
 
@@ -110,10 +110,10 @@ class FileCamera:
         rows = self._recording.read_rows(layout.truth_group(self._name))
         if rows is None:
             return None
-        told = layout.pixel_truth_from_rows(rows)
-        truth = credible_pixels(told)
-        if truth is not told:
-            self._told.add(f"The truth of camera {self._name} is absurd now and then: not visible there.")
+        stated = layout.pixel_truth_from_rows(rows)
+        truth = credible_pixels(stated)
+        if truth is not stated:
+            self._notes.add(f"The truth of camera {self._name} is absurd now and then: not visible there.")
         return truth
 
     def slice(self, start_us: int, end_us: int) -> Events:

@@ -29,7 +29,7 @@ HDF5_ERRORS: Final = (
 """What h5py raises over damaged bytes, by where they lie, and over sizes that no memory holds."""
 MAX_LINKS: Final = 8
 LARGEST_BYTES: Final = 4 << 30
-"""Of a dataset that is read as a whole."""
+"""Largest dataset that is read as a whole."""
 LARGEST_RATIO: Final = 1100
 """Deflate makes nothing smaller than by 1032: stored bytes that claim to be more were never written."""
 

@@ -33,7 +33,7 @@ from core.text import encodable
 _FLUSH_S: Final = 1.0
 """What a killed import may lose."""
 _FARTHEST_US: Final = 1 << 61
-"""Of an offset between clocks: sums with times of files stay within 64 bits."""
+"""Largest offset between clocks: sums with times of files stay within 64 bits."""
 _UNRELATED_US: Final = 3_600_000_000
 """Clocks of the cameras of one rig are not further apart than this."""
 

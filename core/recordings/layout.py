@@ -23,7 +23,7 @@ from core.recordings.truth import BallTruth, PixelTruth
 FORMAT: Final = "rallyscope-recording"
 VERSION: Final = 1
 LARGEST_CALIBRATED: Final = 1e9
-"""Of any number of a calibration."""
+"""Largest number of a calibration."""
 FISHEYE_DISTORTION: Final = "fisheye_distortion"
 """Dataset of the four coefficients of a fisheye lens, instead of `distortion`."""
 LENS_MODEL: Final = "lens_model"
@@ -176,7 +176,7 @@ class ColumnKind:
     """What a column holds."""
 
     kinds: str
-    """Of `numpy.dtype.kind`."""
+    """Permitted letters of `numpy.dtype.kind`."""
     row_shape: tuple[int, ...] = ()
     required: bool = True
 

@@ -57,8 +57,8 @@ def is_recording(path: Path) -> bool:
         return False
     try:
         with h5py.File(path, "r") as file:
-            said = file.attrs.get("format")
-            return isinstance(said, str) and said == layout.FORMAT
+            stated = file.attrs.get("format")
+            return isinstance(stated, str) and stated == layout.FORMAT
     except HDF5_ERRORS:
         return False
 

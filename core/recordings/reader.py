@@ -51,7 +51,7 @@ class FileRecording:
         self.path = path
         self._on_close = on_close
         self._threads = ThreadPoolExecutor(2, thread_name_prefix="unpack")
-        self._told = DamageNotes()
+        self._damage = DamageNotes()
         try:
             self._file = h5py.File(path, "r")
         except HDF5_ERRORS as error:
@@ -91,18 +91,18 @@ class FileRecording:
         self.seed: int | None = None
         self.config: dict[str, object] | None = None
         if has_attribute(self._file, "notes"):
-            with self._told.left_out("notes"):
+            with self._damage.left_out("notes"):
                 notes = np.atleast_1d(attribute(self._file, "notes"))
                 if notes.dtype.kind not in "OUS" or notes.ndim != 1:
                     raise RecordingError("they are no texts", got=notes.dtype)
                 texts = (note.decode("utf-8", "replace") if isinstance(note, bytes) else str(note) for note in notes)
                 for text in texts:
-                    self._told.add(text)
+                    self._damage.add(text)
         if has_attribute(self._file, "seed"):
-            with self._told.left_out("the seed"):
+            with self._damage.left_out("the seed"):
                 self.seed = whole_number(self._file, "seed", 0, 2**64)
         if has_attribute(self._file, "config"):
-            with self._told.left_out("the config"):
+            with self._damage.left_out("the config"):
                 self.config = _parse_config(text_of(self._file, "config"))
 
     def _read_cameras(self) -> dict[str, CameraStream]:
@@ -112,10 +112,10 @@ class FileRecording:
         for name in self._names_of_cameras(group):
             try:
                 if _has_events(group, name):
-                    found[name] = FileCamera(self, group_at(group, name), self._threads, self._told)
+                    found[name] = FileCamera(self, group_at(group, name), self._threads, self._damage)
             except RallyscopeError as error:
                 lost = error
-                self._told.add(f"Camera {name} is left out: {error}.")
+                self._damage.add(f"Camera {name} is left out: {error}.")
         if lost is not None and not found:
             raise lost
         return found
@@ -123,11 +123,11 @@ class FileRecording:
     def _names_of_cameras(self, group: h5py.Group) -> list[str]:
         there, order = names_in(group), None
         if has_attribute(group, "order"):
-            with self._told.left_out("the order of the cameras"):
+            with self._damage.left_out("the order of the cameras"):
                 order = [str(name) for name in np.atleast_1d(attribute(group, "order")).tolist()]
         if order is None or sorted(order) != sorted(there):
             if order is not None:
-                self._told.add("The order of the cameras names others than those in the file.")
+                self._damage.add("The order of the cameras names others than those in the file.")
             return sorted(there)
         return order
 
@@ -138,16 +138,16 @@ class FileRecording:
         try:
             stated = whole_number(self._file, "duration_us", 0, MAX_TIME_US)
         except RecordingError as error:
-            self._told.add(f"The duration is that of the events: {error}.")
+            self._damage.add(f"The duration is that of the events: {error}.")
             return needed
         if stated < needed:
-            self._told.add(f"The duration is that of the events: the file says {stated:,} us.")
+            self._damage.add(f"The duration is that of the events: the file says {stated:,} us.")
         return max(stated, needed)
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What a reader should know; what is damaged is told when it was asked for."""
-        return self._told.texts
+        return self._damage.texts
 
     @property
     def cameras(self) -> dict[str, CameraStream]:
@@ -158,7 +158,7 @@ class FileRecording:
         """Every group of columns outside /cameras, such as "/racket" or "/ground_truth/ball"."""
         self.check_open()
         found: list[str] = []
-        with self._told.left_out("a group"):
+        with self._damage.left_out("a group"):
             _find_groups(group_at(self._file, "/"), "", found, set())
         return tuple(found)
 
@@ -173,7 +173,7 @@ class FileRecording:
                 return None
         except RecordingError:
             return None
-        with self._told.left_out(f"the group {name}"):
+        with self._damage.left_out(f"the group {name}"):
             rows = layout.read_rows(group_at(above, own))
             layout.check_known_rows(name, rows)
             return rows
@@ -188,10 +188,10 @@ class FileRecording:
         rows = self.read_rows(layout.BALL_GROUP)
         if rows is None:
             return None
-        told = layout.ball_from_rows(rows)
-        ball = credible_ball(told)
-        if ball is not told:
-            self._told.add("The true ball is at absurd places now and then: it counts as not visible there.")
+        stated = layout.ball_from_rows(rows)
+        ball = credible_ball(stated)
+        if ball is not stated:
+            self._damage.add("The true ball is at absurd places now and then: it counts as not visible there.")
         return ball
 
     @cached_property
@@ -202,7 +202,7 @@ class FileRecording:
         found: dict[str, FrameStream] = {}
         for name in names_in(group):
             if has_item(group, f"{name}/frames"):
-                with self._told.left_out(f"the pictures of camera {name}"):
+                with self._damage.left_out(f"the pictures of camera {name}"):
                     found[name] = FrameStream(group_at(group, f"{name}/frames"))
         return found
 

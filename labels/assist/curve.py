@@ -22,7 +22,7 @@ class CurveConfig:
     neighbours: int = setting(6, 4, 20)
     """Keyframes that a position rests on, half of them on each side."""
     degree: int = setting(3, 1, 5)
-    """Of the local polynomials: with 6 keyframes, 3 follows perspective and still averages over their noise."""
+    """Degree of the local polynomials: with 6 keyframes, 3 follows perspective and still averages over their noise."""
     max_gap_us: int = setting(120_000, 1000, 1_000_000)
     """Keyframes farther apart are not joined."""
     keyframe_sigma_px: float = setting(0.5, 0.05, 5.0)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 FARTHEST_US: Final = 25_000
 FARTHEST_PX: Final = 40.0
 STEP_US: Final = 500
-"""Of the search; a ball at 3,000 px/s moves 1.5 px meanwhile."""
+"""Step of the search; a ball at 3,000 px/s moves 1.5 px meanwhile."""
 LONGEST_GAP_US: Final = 5_000
 """Between two labels that still belong to one path."""
 NEAR_PX: Final = 3.0
@@ -25,7 +25,7 @@ NEAR_PX: Final = 3.0
 BIN_PX: Final = 2.0
 MIN_ANSWERS: Final = 50
 MIN_SHARE: Final = 0.4
-"""Of the answers beside labels that have to lie on the moved path."""
+"""Least share of the answers beside labels that have to lie on the moved path."""
 MAX_RIVAL: Final = 0.85
 """Share of those that another time, more than `RIVAL_US` off, may reach."""
 RIVAL_US: Final = 4_000
@@ -34,7 +34,8 @@ MAX_SIGMA_PX: Final = 0.15
 CORRELATED: Final = 4.0
 """So many neighbouring answers err alike: the fit's variance is that much larger than of independent ones."""
 MAX_CONDITION: Final = 1e6
-"""Of the fit's equations, each unknown in its own unit: beyond, an even flight leaves time and pixels open."""
+"""Largest condition number of the fit's equations, each unknown in its own unit: beyond, an even flight leaves time and
+pixels open."""
 ROUNDS: Final = 20
 
 

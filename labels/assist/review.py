@@ -94,7 +94,7 @@ def review_queue(
 def _from_neighbours(labels: LabelArrays, config: QueueConfig, note: _Note) -> None:
     part = labels.rows(labels.seen)
     residual = residual_of_neighbours(part.t_us, part.x_px, part.y_px, max_gap_us=config.max_gap_us)
-    reasons = [f"{value:.1f} px off the path of its neighbours" for value in residual]
+    reasons = [f"Label is {value:.1f} px off the neighbours' path" for value in residual]
     scores = np.nan_to_num(residual / config.sigma_px)
     note(part.t_us, _without_bounces(part.t_us, part.x_px, part.y_px, scores, config.sigma_px, config), reasons)
 
@@ -154,7 +154,9 @@ def _from_unjudged(
     sigma = np.hypot(config.sigma_px, config.detector_sigma_px)
     scores = _without_bounces(t_us, x, y, np.nan_to_num(residual / sigma), sigma, config)
     scores = np.minimum(scores, 0.8 * config.contradiction)
-    reasons = [f"proposed {value:.1f} px off the path of its neighbours" for value in residual[proposed]]
+    reasons = [
+        f"Proposal is {value:.1f} px off the neighbours' path. Bounce? Shift Enter" for value in residual[proposed]
+    ]
     note(t_us[proposed], scores[proposed], reasons)
     step_us = np.diff(t_us)
     hole = (step_us > 1.5 * proposals.window_us) & (step_us <= config.max_gap_us) & proposed[:-1] & proposed[1:]

@@ -64,7 +64,7 @@ class Snap:
     x_px: float
     y_px: float
     r_px: float
-    """Of the circle with the area of the ball's outline, as in `core.cameras.outline`."""
+    """Radius of the circle with the area of the ball's outline, as in `core.cameras.outline`."""
     vx_px_per_ms: float
     vy_px_per_ms: float
     covariance_px2: tuple[float, float, float]

@@ -68,7 +68,7 @@ class WholeFlight:
     flight: FittedFlight
     start_us: int
     end_us: int
-    """Of the first and the last proposal that agree."""
+    """From the first to the last proposal that agrees."""
     agreed: tuple[Proposals, ...]
     doubted: tuple[tuple[Doubt, ...], ...]
 

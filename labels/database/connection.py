@@ -15,6 +15,7 @@ from urllib.parse import quote
 
 from core.errors import LabelError
 from core.files import sync
+from labels.database.folder import FILE
 from labels.database.schema import check_schema, create_tables, is_empty, recording_of
 
 MOUNTS: Final = Path("/proc/mounts")
@@ -127,6 +128,23 @@ def open_to_read(path: Path, *, untouched: bool = False) -> sqlite3.Connection:
             if not path.is_file() or (log.exists() and log.stat().st_size):
                 raise
             return _checked(_connect(path, "ro&immutable=1"), path)
+
+
+def work_in_log(db: sqlite3.Connection) -> None:
+    """Copy what stands in the log into the file, so that the file alone holds all labels; waits for nobody."""
+    db.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()
+
+
+def work_in_logs(folder: Path) -> None:
+    """Copy the logs that killed programs have left beside the stores of a folder into the stores.
+
+    A store that cannot be opened stays as it is: whoever reads it is told why.
+    """
+    for log in sorted(folder.glob(f"*/{FILE}-wal")):
+        with contextlib.suppress(sqlite3.Error, OSError):
+            if log.stat().st_size:
+                with contextlib.closing(_connect(log.with_name(FILE), "rw")) as db:
+                    work_in_log(db)
 
 
 @contextmanager

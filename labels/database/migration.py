@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from core.errors import LabelError
-from core.files import POSIX, lock_descriptor, sync
+from core.files import POSIX, beside, lock_descriptor, sync
 from labels.database.connection import telling, transaction
 from labels.database.edit_log import SessionHistory, Writer, add_edit, make_layer, step_back
 from labels.database.folder import Layer, journals_in
@@ -56,11 +56,10 @@ def _take_over(db: sqlite3.Connection, layer: Layer, path: Path) -> list[str]:
         if not known:  # else a kill came between the end of this block and the new name
             notes += replay(db, read_journal(path), layer, path)
             db.execute("INSERT INTO about VALUES (?, 'taken over')", (name,))
-    backup = path.with_name(path.name + BACKUP)
-    number = 1
+    backup, number = beside(path, "", BACKUP), 1
     while backup.exists():
         number += 1
-        backup = path.with_name(f"{path.name}{BACKUP}-{number}")
+        backup = beside(path, "", f"{BACKUP}-{number}")
     path.rename(backup)
     sync(path.parent)
     return [*notes, f"labels of an earlier version were taken over; the old file is kept as {backup}"]

@@ -16,7 +16,7 @@ from core.errors import LabelError
 APPLICATION_ID: Final = 0x52534C42
 """`RSLB` in the header of the file: what `file` and SQLite's own tools see."""
 VERSION: Final = 2
-"""Of the tables. Version 1 were journals of JSON lines."""
+"""Version of the tables. Version 1 were journals of JSON lines."""
 
 TABLES: Final = """
 CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT, WITHOUT ROWID;
@@ -114,6 +114,13 @@ def check_schema(db: sqlite3.Connection, path: Path) -> None:
     (application,), (version,) = (
         db.execute(f"PRAGMA {name}").fetchone() for name in ("application_id", "user_version")
     )
+    if not application and is_empty(db) and _keeps_log(path):
+        raise LabelError(
+            "a label store without its log, which holds the labels",
+            expected=f"{path.name}-wal beside it",
+            where=path,
+            remedy="copy both files, or close Rallyscope there first and copy it again",
+        )
     if application != APPLICATION_ID:
         raise LabelError(
             "not a label store", expected="a file that this program made", got="another database", where=path
@@ -140,6 +147,15 @@ def recording_of(db: sqlite3.Connection, path: Path) -> str:
     if row is None:
         raise LabelError("a label store that does not say of which recording", where=path)
     return row[0]
+
+
+def _keeps_log(path: Path) -> bool:
+    """Whether a file says that its changes stand in a log beside it first (SQLite's file format, 1.3.3)."""
+    try:
+        with path.open("rb") as file:
+            return file.read(20)[18:20] == b"\x02\x02"
+    except OSError:
+        return False
 
 
 def _entries(db: sqlite3.Connection) -> set[Entry]:

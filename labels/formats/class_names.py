@@ -18,12 +18,12 @@ LISTS: Final = ("classes.txt", "obj.names", "predefined_classes.txt", "_darknet.
 YAMLS: Final = ("data.yaml", "data.yml", "dataset.yaml", "dataset.yml")
 ENDS: Final = (".yaml", ".yml", ".names")
 NOTES: Final = "notes.json"
-"""Of Label Studio: categories with ids."""
+"""File of Label Studio: categories with ids."""
 LEVELS: Final = 3
 """Folders above that of the texts in which a data set may have its list."""
 MAX_CLASSES: Final = 10_000
 MAX_YAMLS: Final = 20
-"""Of other names that are looked into in one folder."""
+"""Most YAML files of other names that are looked into in one folder."""
 
 
 @dataclass(frozen=True, slots=True)

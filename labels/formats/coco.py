@@ -40,7 +40,7 @@ from labels.model import Label, LabelState
 
 OCCLUDED, VISIBLE = 1, 2
 SMALLEST_FILL, LARGEST_FILL = 0.25, 1.25
-"""Of the box by the stated area: a circle fills 0.79 of it."""
+"""Share of the box that the stated area fills: a circle fills 0.79 of it."""
 
 
 def write_coco(labels: LabelSet, folder: Path, options: ExportOptions) -> Exported:

@@ -21,7 +21,7 @@ from labels.formats.picture_times import FrameTimes
 from labels.model import Label, LabelState
 
 AFTER_END_US: Final = 100_000
-"""Of the last event: a picture may still have been taken so much later."""
+"""Latest picture after the last event: a picture may still have been taken so much later."""
 MANY_OUTSIDE: Final = 5
 """Centres outside the picture from which on the rest is looked at."""
 
@@ -34,7 +34,7 @@ class ImportChoices:
     ball_class: str | None = None
     scale_pictures: bool = False
     picture_size: tuple[int, int] | None = None
-    """Of the pictures, where the files do not state it."""
+    """Size of the pictures, where the files do not state it."""
     empty_is_no_ball: bool = False
     """Somebody looked at listed pictures without any annotation."""
 

@@ -40,7 +40,7 @@ from labels.formats.json_lines import JsonError, JsonObject, parse_json
 from labels.model import Label, LabelState
 
 PICTURE_KEYS: Final = ("image", "img", "picture", "frame", "photo")
-"""Of the data of a task: what its picture is called; else the only text with the ending of one."""
+"""Keys in the data of a task: what its picture is called; else the only text with the ending of one."""
 ENDINGS: Final = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 SHAPES: Final = ("rectanglelabels", "ellipselabels", "keypointlabels", "polygonlabels")
 OWN: Final = "rallyscope"

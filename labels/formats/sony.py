@@ -32,7 +32,7 @@ from labels.formats.recording_group import read_labels, write_group
 from labels.model import LabelState
 
 INSTANT_US: Final = 500
-"""Of a label within its millisecond."""
+"""A label's instant within its millisecond."""
 LATEST_US: Final = 7_200_000_000
 """A row for every millisecond has to fit into memory."""
 _MS: Final = 1000

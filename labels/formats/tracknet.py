@@ -109,7 +109,7 @@ class _Columns:
     x: int
     y: int
     shares: bool
-    """Of the picture, instead of pixels."""
+    """Whether positions are shares of the picture instead of pixels."""
     named: bool
     """Pictures by their names, instead of numbers."""
 

@@ -152,6 +152,11 @@ def test_a_browser_that_reads_nothing_costs_little_and_slows_no_one_down(lab: Ap
             one.close()
 
 
+def is_kept(lab: App, browser: str, state: ClientState) -> bool:
+    kept = lab.services.browsers.recall(browser)
+    return kept is not None and kept.configs == state.configs
+
+
 @pytest.mark.parametrize("away_s", [1.0, 600.0])
 def test_a_browser_that_comes_back_finds_what_it_had(lab: App, away_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
     cookie = "0123456789abcdef" * 2
@@ -168,6 +173,7 @@ def test_a_browser_that_comes_back_finds_what_it_had(lab: App, away_s: float, mo
     link = link_of(had, 123_000)
     browser.close()
     eventually(lambda: not lab.sessions, "it to be gone")
+    eventually(lambda: is_kept(lab, cookie, had), "its settings to be stored, after it has gone")
     monotonic, wall = time.monotonic, time.time
     monkeypatch.setattr(time, "monotonic", lambda: monotonic() + away_s)
     monkeypatch.setattr(time, "time", lambda: wall() + away_s)

@@ -1,5 +1,6 @@
 """The app's process is stopped for a while (SIGSTOP), as by a laptop that sleeps: afterwards all goes on as it was."""
 
+import contextlib
 import os
 import shutil
 import signal
@@ -29,8 +30,11 @@ def enter_label(browser: BareBrowser) -> None:
 
 def is_standing(pid: int) -> bool:
     """Whether every thread of a process is stopped."""
-    threads = Path(f"/proc/{pid}/task").glob("*/stat")
-    return all(stat.read_text().rpartition(")")[2].split()[0] == "T" for stat in threads)
+    states = []
+    for stat in Path(f"/proc/{pid}/task").glob("*/stat"):
+        with contextlib.suppress(FileNotFoundError, ProcessLookupError):  # a thread may end meanwhile
+            states.append(stat.read_text().rpartition(")")[2].split()[0])
+    return set(states) == {"T"}
 
 
 @pytest.mark.gate
@@ -45,6 +49,7 @@ def test_browsers_of_an_app_that_was_stopped_go_on_and_what_they_pressed_meanwhi
             enter_label(browser)
             os.kill(app.process.pid, signal.SIGSTOP)
             eventually(lambda: is_standing(app.process.pid), "all threads of the app to stand")
+            browser.wait_quiet(PATIENCE_S)  # what it had sent before is read
             seen = browser.pictures
             browser.trigger("Label: Ten on")
             time.sleep(STOPPED_S)

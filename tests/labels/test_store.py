@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 
 from core.errors import LabelError
+from labels.merging import merge_stores
 from labels.model import Label, LabelState, PositionSource, Provenance
 from labels.store import LabelStore, Layer, find_annotators, find_layers
 from labels.store_registry import LabelStoreRegistry
+from tests.waiting import PATIENCE_S
 
 UUID = "9f3c-1"
 
@@ -262,8 +264,10 @@ def test_a_layer_needs_all_its_names(tmp_path: Path, names: tuple[str, str, str]
 WRITE = """
 import sys
 from pathlib import Path
+from labels.database import connection
 from labels.store import LabelStore
 from labels.model import Label, LabelState
+connection.WAITS_S = float(sys.argv[4])
 name, count = sys.argv[2], int(sys.argv[3])
 with LabelStore.open(Path(sys.argv[1]), "9f3c-1", "left", name) as store:
     for k in range(count):
@@ -275,10 +279,8 @@ with LabelStore.open(Path(sys.argv[1]), "9f3c-1", "left", name) as store:
 @pytest.mark.gate
 def test_eight_annotators_in_processes_of_their_own_write_at_once_and_none_is_lost_or_doubled(tmp_path: Path) -> None:
     names, count = [f"annotator {k}" for k in range(8)], 40
-    writers = [
-        subprocess.Popen([sys.executable, "-c", WRITE, str(tmp_path), name, str(count)], stdout=subprocess.PIPE)
-        for name in names
-    ]
+    arguments = [(str(tmp_path), name, str(count), str(PATIENCE_S)) for name in names]  # however busy the disk is
+    writers = [subprocess.Popen([sys.executable, "-c", WRITE, *one], stdout=subprocess.PIPE) for one in arguments]
     assert [int(writer.communicate()[0]) for writer in writers] == [count] * 8
     assert [layer.annotator for layer in find_layers(tmp_path)] == names
     for name in names:
@@ -399,3 +401,35 @@ def test_a_log_that_a_kill_has_left_is_read_without_writing(tmp_path: Path) -> N
         shutil.copytree(store.path.parent, copy)  # as it lies on the disk in the middle of the work
     assert (copy / "labels.sqlite-wal").stat().st_size > 0
     assert LabelStore.read(copy.parent, Layer(UUID, "left", "anna")).labels().t_us.tolist() == [1]
+
+
+def test_the_file_alone_holds_all_labels_after_a_rest_and_after_a_kill(tmp_path: Path) -> None:
+    layer, alone, killed = Layer(UUID, "left", "anna"), tmp_path / "alone", tmp_path / "killed"
+    with open_store(tmp_path) as store:
+        store.put(ball(1))
+        store.checkpoint()
+        copied_alone(store.path, alone)
+        store.put(ball(2))
+        shutil.copytree(store.path.parent, killed / store.path.parent.name)  # as a kill leaves it: half in the log
+    assert LabelStore.read(alone, layer).labels().t_us.tolist() == [1]
+    LabelStoreRegistry(killed)
+    copied_alone(layer.path(killed), tmp_path / "copy")
+    assert LabelStore.read(tmp_path / "copy", layer).labels().t_us.tolist() == [1, 2]
+
+
+def copied_alone(store: Path, folder: Path) -> Path:
+    """Copy of a store's file without the log beside it."""
+    copy = folder / store.parent.name / store.name
+    copy.parent.mkdir(parents=True)
+    shutil.copy(store, copy)
+    return copy
+
+
+def test_a_store_that_was_copied_without_its_log_names_that_cause(tmp_path: Path) -> None:
+    with open_store(tmp_path) as store:
+        store.put(ball(1))
+        copy = copied_alone(store.path, tmp_path / "copy")
+    for read in (lambda: LabelStore.read(tmp_path / "copy", store.layer), lambda: merge_stores([copy], tmp_path / "m")):
+        with pytest.raises(LabelError, match="without its log") as raised:
+            read()
+        assert "labels.sqlite-wal" in str(raised.value)

@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 
 from app.cli import main
+from core.devices.raw_recorder import raw_path
 from core.files import LONGEST_NAME_BYTES, beside
+from core.learning.detector_training.run import training_folder
 from core.recordings import import_recording, open_recording
 from tests.app.shared.event_files import write_csv
 
@@ -123,3 +125,6 @@ def test_a_name_beside_another_is_shortened_only_where_it_must_be(tmp_path: Path
     names = [beside(tmp_path / f"{chr(0x7403) * 83}{k}.h5", ".", ".part").name for k in (1, 2)]
     assert len(set(names)) == 2 and all(len(name.encode()) <= LONGEST_NAME_BYTES for name in names)
     assert all(name.startswith("." + chr(0x7403) * 70) and name.endswith(".part") for name in names)
+    longest = tmp_path / ("e" * (LONGEST_NAME_BYTES - len(".h5")) + ".h5")
+    raw_path(longest, "camera").touch()
+    training_folder(longest).mkdir()

@@ -16,7 +16,7 @@ from typing import Final
 import viser
 
 from app import theme
-from app.export.selection import Span, polarity_png
+from app.export.selection import Span
 from app.export.steps import window_length_us
 from app.export.unfinished import Cancelled, Progress, check_cancelled, unfinished_file
 from app.scene.arena import RacketActor, RigActors, add_arena
@@ -33,7 +33,6 @@ from core.chain.control.player import Player
 from core.chain.follow import calibrated_cameras
 from core.detection.window import windows_side_by_side
 from core.errors import CalibrationError
-from core.events import polarity_image
 from core.history.following import add_known, is_stereo
 from core.history.played_bodies import recorded_bodies
 from core.history.rally_history import RallyHistory
@@ -103,13 +102,12 @@ class _Groups:
 
 ROOT: Final = "/world"
 STRIDE_US: Final = 10_000
-EVENTS_US: Final = 5_000
 ASPECT: Final = 16 / 9
 """Width over height of the window for which the first view is chosen."""
-FRUSTUM_PX: Final = 320
-"""Approximate width of the event pictures in the frusta, px."""
 SLOWER: Final = 4.0
 """Slow-down of the playback: a serve takes only half a second."""
+CLOCK_M: Final = (0.0, -1.1, 0.3)
+"""Place of the clock: beside the net, on the viewer's side."""
 
 
 def export_scene(
@@ -138,7 +136,8 @@ def export_scene(
         actors = _Actors(server.scene, cameras, chain.predictor.hit_x_m)
         serializer = server.get_scene_serializer()
         for moment in moments:
-            actors.show(moment.picture, _event_pictures(recording, moment.t_us))
+            with server.atomic():  # a moment is shown when all of it is there
+                actors.show(moment.picture, moment.t_us)
             server.flush()
             serializer.insert_sleep(SLOWER * stride_us / 1e6)
         if as_html:
@@ -160,11 +159,12 @@ class _Actors:
         self._racket_target = RacketActor(scene, f"{ROOT}/racket-target", ghost=True)
         self._landing = LandingActors(scene, f"{ROOT}/landing")
         self._people = PeopleActor(scene, f"{ROOT}/people")
-        self._rig = RigActors(scene, f"{ROOT}/rig", cameras, pictures=True)
+        RigActors(scene, f"{ROOT}/rig", cameras)  # without pictures, which would hide the target
+        self._clock = scene.add_label(f"{ROOT}/clock", clock_text(0), position=CLOCK_M)
 
-    def show(self, picture: RallyPicture, pngs: dict[str, bytes]) -> None:
-        """Show a moment, with the cameras' pictures."""
-        self._rig.show(pngs)
+    def show(self, picture: RallyPicture, t_us: int) -> None:
+        """Show the moment of a time."""
+        self._clock.text = clock_text(t_us)
         self._ball.show(picture.ball, picture.truth, None)
         self._trail.show(picture.trail, picture.trail_speeds_mps)
         self._ball.show_rays(picture.rays)
@@ -175,13 +175,9 @@ class _Actors:
         self._landing.show(picture.landing_target, picture.spots)
 
 
-def _event_pictures(recording: Recording, t_us: int) -> dict[str, bytes]:
-    pictures = {}
-    for name, stream in recording.cameras.items():
-        events = stream.slice(max(0, t_us - EVENTS_US), t_us)
-        binning = max(1, round(stream.sensor.width_px / FRUSTUM_PX))
-        pictures[name] = polarity_png(polarity_image(events, binning=binning))
-    return pictures
+def clock_text(t_us: int) -> str:
+    """The recording's time; the player counts the seconds of its playback, which is slower."""
+    return f"{t_us / 1e6:.3f} s (x 1/{SLOWER:g})"
 
 
 @contextlib.contextmanager

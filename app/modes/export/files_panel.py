@@ -21,7 +21,7 @@ class ExportFilesPanel:
     """The exported files that one browser can download."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
-        self.export = gui.add_button("Export", icon=viser.Icon.DOWNLOAD)
+        self.export = gui.add_button("Export", icon=viser.Icon.DOWNLOAD, color="teal")
         self.cancel = gui.add_button("Cancel", icon=viser.Icon.X, color="red", visible=False)
         self._progress = gui.add_progress_bar(0.0, visible=False)
         self._status = gui.add_html("")

@@ -15,7 +15,13 @@ from app.export.selection import Span, span_of
 from app.export.unfinished import Cancelled, Progress
 from app.export.view_film import ViewFilmPlan, export_view_film, save_picture
 from app.modes.export.files_panel import ExportFilesPanel, ViewerPanel
-from app.modes.export.plan_panel import VIEW_PICTURE, ExportPlan, ExportPlanPanel, made_with_html
+from app.modes.export.plan_panel import (
+    VIEW_PICTURE,
+    AnnotatorQuestion,
+    ExportPlan,
+    ExportPlanPanel,
+    made_with_html,
+)
 from app.modes.export.stream import StreamOrder, groups_of, labels_of
 from app.modes.export.view_shots import ViewShots
 from app.modes.mode import Middle, ModeHost, download_export
@@ -47,6 +53,7 @@ class ExportMode:
         self._shots = ViewShots(host)
         self._labelled_by: tuple[str, ...] = ()
         self._looked_s = self._offered_s = float("-inf")
+        self._question: AnnotatorQuestion | None = None
         self._folder = host.client.gui.add_folder(None, visible=False)
         with self._folder:
             self._plan = ExportPlanPanel(host.client.gui, lambda: self._now_us, host.later)
@@ -102,7 +109,8 @@ class ExportMode:
             if wall_s - self._offered_s > OFFER_EVERY_S:
                 self._offered_s = wall_s
                 self._labelled_by = self._annotators()
-                self._plan.offer(tuple(sorted(self._host.services.workspace.run_names())), self._labelled_by)
+                runs = tuple(sorted(self._host.services.workspace.run_names()))
+                self._plan.offer(runs, self._labelled_by, state.annotator)
             made_with = made_with_html(self._plan.plan, state.detector_a, self._labelled_by)
             if made_with != self._made_with.content:
                 self._made_with.content = made_with
@@ -136,6 +144,9 @@ class ExportMode:
         if plan.of_view:
             self._start_view(plan, span, state)
             return
+        if plan.asks_annotator and plan.format == "rrd":
+            self._ask_annotator(self._start)
+            return
         layers = self._host.services.workspace.labels
         live = self._host.services.rallies.live
         work = _recording_work(recording, plan, state.detector_a, layers, live)
@@ -152,8 +163,25 @@ class ExportMode:
             services.workspace.labels, services.rallies.live,
         )  # fmt: skip
         order.check()
+        if order.plan.asks_annotator:
+            self._ask_annotator(self._stream)
+            return
         services.viewer.start(state.recording, order.send)
         self._looked_s = float("-inf")
+
+    def _ask_annotator(self, then: Callable[[], None]) -> None:
+        """Ask whose labels are meant, then go on with `then`."""
+
+        def chosen(name: str | None) -> None:
+            self._question = None
+            if name is not None:
+                self._plan.choose_annotator(name)
+                then()
+
+        if self._question is None:
+            host = self._host
+            answer = lambda name: host.later(lambda: chosen(name))  # noqa: E731
+            self._question = AnnotatorQuestion(host.client.gui, self._labelled_by, answer)
 
     def _start_view(self, plan: ExportPlan, span: Span, state: ClientState) -> None:
         """A picture of the moment of the cursor, or a film of the part; the cursor stands still for it."""

@@ -12,7 +12,7 @@ from app import theme
 from app.export.formats import FORMATS
 from app.formatting import html_text
 from app.state.config_words import settings_words
-from app.widgets import Choice, Listing, titles_of, when_changed
+from app.widgets import Choice, Listing, titles_of, when_changed, when_clicked
 from core.detection.saved import SavedDetector
 
 VIEW_PICTURE, VIEW_FILM = "view-png", "view-mp4"
@@ -73,6 +73,38 @@ ALL, ROUND = "Everything", "2 s here"
 ROUND_US: Final = 1_000_000
 STRIDES_US: Final = {"2 ms": 2000, "4 ms": 4000, "10 ms": 10_000, "20 ms": 20_000, "40 ms": 40_000}
 NOBODY: Final = "nobody"
+UNCHOSEN: Final = "choose an annotator"
+"""Option of the list of annotators while it is not known whose labels are meant."""
+
+
+def usual_annotator(annotators: tuple[str, ...], signed_in: str | None) -> str:
+    """Whose labels are exported unless somebody chooses: the signed-in annotator's, else those of the only one.
+
+    `UNCHOSEN` if there are several and none of them is signed in, `NOBODY` if there are no labels.
+    """
+    if signed_in in annotators:
+        return str(signed_in)
+    return UNCHOSEN if len(annotators) > 1 else annotators[0] if annotators else NOBODY
+
+
+class AnnotatorQuestion:
+    """A window that asks whose labels go into the file."""
+
+    def __init__(self, gui: viser.GuiApi, annotators: tuple[str, ...], chosen: Callable[[str | None], None]) -> None:
+        """`chosen` is called once, from viser's loop, with a name, `NOBODY`, or None for "not now"."""
+        self._modal = gui.add_modal("Whose labels?")
+        self._chosen = chosen
+        with self._modal:
+            gui.add_markdown("Several annotators have labelled this recording. The file shows the labels of one.")
+            self._name = gui.add_dropdown("Labels of", (*annotators, NOBODY))
+            go = gui.add_button("Export", icon=viser.Icon.CHECK)
+            no = gui.add_button("Not now")
+        when_clicked(go, lambda: self._end(str(self._name.value)))
+        when_clicked(no, lambda: self._end(None))
+
+    def _end(self, name: str | None) -> None:
+        self._modal.close()
+        self._chosen(name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +121,8 @@ class ExportPlan:
     stages: bool
     plots: bool
     annotator: str | None
+    asks_annotator: bool
+    """Whether it is to be asked whose labels are meant: several have labelled, and none of them is signed in."""
     view: ViewChoices
 
     @property
@@ -102,7 +136,8 @@ class ExportPlanPanel:
 
     def __init__(self, gui: viser.GuiApi, here_us: Callable[[], int], later: Callable[[Callable[[], None]], None]):
         self._what: What = "Recording"
-        self._annotators: tuple[str, ...] = ()
+        self._annotator_chosen = False
+        """Whether a person has chosen whose labels are exported."""
         self._duration_us = 0
         self._here_us = here_us
         self._choice = Choice(gui, "What", WHATS, lambda what: later(lambda: self._choose(what)))
@@ -130,7 +165,12 @@ class ExportPlanPanel:
             self._stride = gui.add_dropdown(
                 "Every", tuple(STRIDES_US), initial_value="4 ms", hint="Time between two pictures"
             )
-            self._annotator = Listing(gui, "Labels of", lambda _: None, hint="Whose labels are shown on the pictures")
+            self._annotator = Listing(
+                gui,
+                "Labels of",
+                lambda name: later(lambda: self.choose_annotator(name)),
+                hint="Whose labels are shown on the pictures",
+            )
         when_changed(self._title, lambda _: later(self._show_what_counts))
 
         @part.on_click
@@ -157,17 +197,26 @@ class ExportPlanPanel:
             pictures=bool(self._pictures.value),
             stages=bool(self._stages.value),
             plots=bool(self._plots.value),
-            annotator=None if annotator == NOBODY else annotator,
+            annotator=None if annotator in (NOBODY, UNCHOSEN) else annotator,
+            asks_annotator=annotator == UNCHOSEN,
             view=self._view.choices,
         )
 
-    def offer(self, runs: tuple[str, ...], annotators: tuple[str, ...]) -> None:
-        """What there is to choose from now."""
+    def offer(self, runs: tuple[str, ...], annotators: tuple[str, ...], signed_in: str | None) -> None:
+        """Offer these runs and annotators; whose labels are exported follows `usual_annotator` until one is chosen."""
         self._run.offer(runs)
-        self._annotator.offer((NOBODY, *annotators))
-        if annotators and not self._annotators:
-            self._annotator.show(annotators[0])  # labels that are there are wanted, until somebody says otherwise
-        self._annotators = annotators
+        if self._annotator.chosen not in (NOBODY, *annotators):
+            self._annotator_chosen = False  # a choice for another recording
+        usual = usual_annotator(annotators, signed_in)
+        asks = not self._annotator_chosen and usual == UNCHOSEN
+        self._annotator.offer((UNCHOSEN, NOBODY, *annotators) if asks else (NOBODY, *annotators))
+        if not self._annotator_chosen:
+            self._annotator.show(usual)
+
+    def choose_annotator(self, name: str) -> None:
+        """Export this annotator's labels, or those of `NOBODY`."""
+        self._annotator_chosen = name != UNCHOSEN
+        self._annotator.show(name)
 
     def use_span(self, start_us: int, end_us: int) -> None:
         """Another recording, or more of it: offer all of it."""
@@ -201,11 +250,11 @@ def made_with_html(plan: ExportPlan, detector: SavedDetector, annotators: tuple[
     """Lines about an export of a recording; empty for a training run and for what the browser draws."""
     if plan.what != "Recording" or plan.of_view:
         return ""
-    lines = [
-        detector_text(detector) if FORMATS[plan.format].computed else "As recorded: no detector is run for this format."
-    ]
+    lines = [detector_text(detector) if FORMATS[plan.format].computed else "Needs no detector: written as recorded."]
     left_out = labels_left_out(plan, annotators)
-    if left_out:
+    if plan.asks_annotator and plan.format == "rrd":
+        lines.append(f"Several annotators: {html_text(', '.join(annotators))}. You are asked whose labels are meant.")
+    elif left_out:
         lines.append(f"Left out: the labels of {html_text(', '.join(left_out))}.")
     return f"<div style='padding:2px 1em;font-size:12.5px;color:{theme.MUTED}'>{'<br>'.join(lines)}</div>"
 

@@ -17,7 +17,7 @@ from labels.conflicts import Settled, settlement
 from labels.model import Label, PositionSource
 from labels.store import LabelStore
 
-NOBODY: Final = ("Nobody to compare with", "Choose whom in Compare and merge, in the panel.")
+NOBODY: Final = ("No second annotator is chosen", "Choose one under Compare and merge in the panel.")
 
 
 def go_to_conflict(editor: LabelEditor, step: int) -> None:
@@ -28,7 +28,7 @@ def go_to_conflict(editor: LabelEditor, step: int) -> None:
         return
     t_us = compared.next_open(editor.labelling.t_us, step)
     if t_us is None:
-        editor.note("No conflict is open", "All that differs is settled.", "green")
+        editor.note("No conflict is open", "All conflicts are resolved.", "green")
     else:
         editor.go_to(t_us)
 

@@ -128,6 +128,7 @@ class LabelEditor:
         if wall_s - self._looked_s < LOOK_EVERY_S:
             return
         self._looked_s = wall_s
+        self.writer.checkpoint_when_idle(wall_s)
         versions = {saved.layer: saved.version for saved in self.labelling.saved.values()}
         self.writer.look_again(versions, lambda saved: self.callbacks.later(lambda: self._take(saved)), self.failed)
 
@@ -299,7 +300,13 @@ class LabelEditor:
     def clear(self) -> None:
         """Make a time unchecked again."""
         t_us = self.labelling.t_us
-        self.write(lambda store: (t_us,) if store.delete(t_us) else ())
+
+        def change(store: LabelStore) -> tuple[int, ...]:
+            if not store.delete(t_us):
+                raise LabelError("nothing to clear at this time", got="no label", where=f"{t_us} us")
+            return (t_us,)
+
+        self.write(change)
 
     def undo(self, *, redo: bool = False) -> None:
         """Take back, or bring back, what this browser changed last, and show it. What others did stays."""
@@ -351,7 +358,7 @@ class LabelEditor:
     def _note_undo(self, step: UndoStep, redo: bool) -> None:
         what = "Redo" if redo else "Undo"
         if not step.done:
-            text = "Only what this window did under this name is taken back."
+            text = "Undo covers only the changes of this window under this name."
             self.note(f"Nothing to {what.lower()}", text)
         elif step.left_us:
             where = f"at {step.left_us[0] / 1e6:.6f} s" if len(step.left_us) == 1 else f"at {len(step.left_us)} times"

@@ -45,19 +45,19 @@ class LabelImportPanel:
     ) -> None:
         self._titles = titles_of({name: kind.label or kind.name for name, kind in FORMATS.items()})
         with gui.add_folder("Import labels", expand_by_default=False):
-            hint = f"A file or a folder that lies in the folder {FOLDER} of the workspace"
+            hint = f"A file or folder in the folder {FOLDER} of the workspace"
             self._files = Listing(gui, "Files", lambda title: None, hint=hint)
             self._format = gui.add_dropdown("Made by", tuple(self._titles.values()), hint="The format of the files")
             self._times = Listing(
                 gui,
                 "Times",
                 lambda title: None,
-                hint="A CSV beside them with a column t_us: when pictures were taken",
+                hint="A CSV beside them with the times of the pictures in a column t_us",
             )
-            self._ball = gui.add_text("Ball class", "", hint="Name or number, where it is not called ball")
-            self._scale = gui.add_checkbox("Scale pictures", False, hint="They are of another size than the sensor")
+            self._ball = gui.add_text("Ball class", "", hint="Name or number, if it is not 'ball'")
+            self._scale = gui.add_checkbox("Scale pictures", False, hint="Their size differs from the sensor's")
             self._empty = gui.add_checkbox(
-                "Empty is no ball", False, hint="Somebody looked at pictures that have no annotation"
+                "Pictures without a label mean 'no ball'", False, hint="Choose it if somebody looked at every picture"
             )
             self._annotator = gui.add_text("Labels of", IMPORTED, hint="The name under which they are stored")
             self._look = gui.add_button("Look at them", icon=viser.Icon.EYE, hint="Nothing is stored yet")

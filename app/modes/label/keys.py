@@ -19,11 +19,11 @@ from labels.model import LabelState
 Modifier = Literal["shift"]
 
 KEYS: Final[tuple[tuple[str, Modifier | None, str, str], ...]] = (
-    ("space", None, "accept", "Accept what is proposed, and go on"),
-    ("enter", None, "accept_segment", "Accept the whole steady segment round here"),
-    ("space", "shift", "accept_flight", "Accept the whole flight round here, in all cameras"),
-    ("U", "shift", "accept_all", "Accept what is proposed here in all cameras, and go on"),
-    ("R", None, "reject", "Reject what is proposed"),
+    ("space", None, "accept", "Accept the proposal; next time"),
+    ("enter", None, "accept_segment", "Accept the steady segment around the cursor"),
+    ("space", "shift", "accept_flight", "Accept the flight around the cursor, in all cameras"),
+    ("U", "shift", "accept_all", "Accept the proposals at this time in all cameras; next time"),
+    ("R", None, "reject", "Reject the proposal"),
     ("N", None, "next", "Next time"),
     ("P", None, "previous", "Previous time"),
     ("pagedown", None, "ten_on", "Ten on"),
@@ -31,7 +31,7 @@ KEYS: Final[tuple[tuple[str, Modifier | None, str, str], ...]] = (
     ("home", None, "first", "First time"),
     ("end", None, "last", "Last time"),
     ("U", None, "unchecked", "Next unchecked time"),
-    ("K", None, "suspicious", "What would change the score most: a label, a proposal or a hole"),
+    ("K", None, "suspicious", "Next item to check: a label, a proposal or a gap"),
     ("K", "shift", "blind", "A second look, blind, to measure your own noise"),
     ("X", None, "no_ball", "No ball here"),
     ("X", "shift", "out_of_frame", "Out of frame"),
@@ -41,7 +41,7 @@ KEYS: Final[tuple[tuple[str, Modifier | None, str, str], ...]] = (
     ("C", None, "copy", "Copy the previous label here"),
     ("R", "shift", "snap", "Snap the label to the events"),
     ("I", None, "propose", "Propose: run the detector from here on"),
-    ("I", "shift", "interpolate", "Interpolate between the labels round here"),
+    ("I", "shift", "interpolate", "Interpolate between the labels around the cursor"),
     ("enter", "shift", "break", "A bounce or hit is here: no interpolation across"),
     ("Y", None, "up", "Nudge up 0.25 px (with Shift 1 px)"),
     ("B", None, "down", "Nudge down"),
@@ -57,7 +57,7 @@ KEYS: Final[tuple[tuple[str, Modifier | None, str, str], ...]] = (
     ("Z", "shift", "redo", "Redo"),
     ("delete", None, "clear", "Unchecked again"),
     ("backspace", None, "clear", "Unchecked again"),
-    ("escape", None, "escape", "Forget a click without a circle; leave the second look"),
+    ("escape", None, "escape", "Discard a click without a circle; leave the second look"),
     ("N", "shift", "next_conflict", "Next conflict with whom you compare"),
     ("P", "shift", "previous_conflict", "Previous conflict"),
     ("J", None, "take_mine", "Conflict: yours is right; on to the next"),
@@ -85,8 +85,16 @@ def label_keys_html() -> str:
         for key, modifier, name, text in KEYS
         if not name.endswith("_more")
     )
-    hint = "Keys work wherever the mouse is, not while a field has the cursor. Drag: from the centre to the rim."
+    hint = "Keys work wherever the mouse is; Enter and Escape leave a field. Drag: from the centre to the rim."
     return f"<div style='font-size:12.5px;padding:4px 12px'>{hint}<table>{rows}</table></div>"
+
+
+def idle_key_text(name: str) -> str:
+    """Line about an act that changed nothing."""
+    for key, modifier, act, text in KEYS:
+        if act == name:
+            return f"Key {_shown(key, modifier)} ({text}) changes nothing here."
+    return "There is nothing to do here."
 
 
 def _shown(key: str, modifier: Modifier | None) -> str:

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from app.modes.label.side_layout import SideLayout
 from app.pictures.canvas import TARGET_WIDTH_PX, Canvas, Region, Rendering, encode_png, event_picture
 from app.pictures.palette import PaletteIndex, PolarityColours, palette
 from app.views.mosaic import SheetText, css_colour
@@ -94,6 +95,8 @@ class PicturePlan:
     overview: PictureKey
     others: tuple[PictureKey, ...]
     """The other cameras."""
+    sides: SideLayout
+    """Where the small pictures stand."""
     legend: tuple[tuple[str, PaletteIndex], ...] = ()
     """Whose label is which, where two are drawn in the large picture."""
 

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Final
 
+from core.errors import LabelError
 from labels.arrays import LabelArrays, label_arrays
 from labels.model import Label
 from labels.store import LabelStore, Layer
 from labels.store_registry import LabelStoreRegistry
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,6 +40,8 @@ Change = Callable[[LabelStore], tuple[int, ...]]
 """Changes a store and returns the times it touched. It may take as long as it needs."""
 Done = Callable[[Saved], None]
 Failed = Callable[[Exception], None]
+IDLE_S: Final = 2.0
+"""Rest after the latest change until the store's log is copied into its file."""
 
 
 class LabelWriter:
@@ -49,6 +56,8 @@ class LabelWriter:
         self._waiting = 0
         self._looking = 0
         self._lock = threading.Lock()
+        self._logged: tuple[LabelStore, float] | None = None
+        """The store of the latest change, and when that was, until the log is copied into the file."""
         self.saved_at: float | None = None
         """Wall-clock time of the latest acknowledged change."""
         self.failure: str | None = None
@@ -77,6 +86,13 @@ class LabelWriter:
             self._looking += 1
         self._worker.submit(self._look_again, dict(versions), done, failed)
 
+    def checkpoint_when_idle(self, wall_s: float) -> None:
+        """Copy the log into the store's file once nothing was written for a while: call it now and then."""
+        logged = self._logged
+        if logged is not None and not self._waiting and wall_s - logged[1] > IDLE_S:
+            self._logged = None
+            self._worker.submit(self._checkpoint, logged[0])
+
     def store(self, layer: Layer) -> LabelStore:
         """The store of a layer, for changes that need another one than their own; call it inside a change.
 
@@ -98,6 +114,7 @@ class LabelWriter:
             touched = change(store)
             if store.version != before:
                 self.saved_at = time.time()
+                self._logged = store, time.monotonic()
             self.failure = None
             answer = _answer(layer, store, touched)
         except Exception as error:  # noqa: BLE001 (the browser hears of any)
@@ -107,6 +124,12 @@ class LabelWriter:
             done(answer)
         finally:
             self._finish()  # last: who sees that nothing waits has the answer before him
+
+    def _checkpoint(self, store: LabelStore) -> None:
+        try:
+            store.checkpoint()
+        except LabelError as error:  # the labels are safe: the next one tries again
+            logger.warning("the log of the labels is not copied into their file: %s", error)
 
     def _look(self, layer: Layer, done: Done, failed: Failed) -> None:
         try:

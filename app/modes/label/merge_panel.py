@@ -25,7 +25,7 @@ HOW: Final = {
     "mean": "the mean was taken",
     "new": "a new label",
 }
-HINT: Final = "Another annotator, or a store that lies in the folder labels-of-others of the workspace"
+HINT: Final = "Another annotator, or a label store in the folder labels-of-others of the workspace"
 
 
 class MergePanel:

@@ -14,9 +14,9 @@ import numpy as np
 from app.modes.label.annotator import AnnotatorPrompt, annotator_from, last_annotator, remember_annotator
 from app.modes.label.ball_search import NOT_FOUND, BallRequest, BallSearch
 from app.modes.label.comparer import LabelComparer, OtherStores
-from app.modes.label.editor import EditorAct, LabelCallbacks, LabelEditor
+from app.modes.label.editor import EditorAct, LabelCallbacks, LabelEditor, Note
 from app.modes.label.import_panel import LabelImports
-from app.modes.label.keys import ACTS, HeldKeys
+from app.modes.label.keys import ACTS, HeldKeys, idle_key_text
 from app.modes.label.label_picture import strip_time
 from app.modes.label.labelling import (
     DEFAULT_STEP_US,
@@ -51,8 +51,9 @@ from app.panels.time_bar import runs_of_times
 from app.pictures.canvas import RENDERINGS
 from app.pictures.palette import PaletteIndex
 from app.state.client_state import ClientState
-from app.state.commands import Seek, SetRendering, SetStep
+from app.state.commands import Seek, SetRendering, SetStep, SignIn
 from app.views.image_view import DragPhase
+from core.errors import CommandError
 from core.live.ring_recording import RingRecording
 from core.recordings import Recording
 from labels.arrays import STATES, LabelArrays
@@ -80,6 +81,8 @@ class LabelMode:
         """The choices that the next recording begins with."""
         self._session = uuid.uuid4().hex
         """Under which what this browser does is kept: it takes back nothing else."""
+        self._answered = False
+        """Whether the act that is done has written, noted or reported something."""
         self._named = False
         """Whether the person has said who labels."""
         self._prompt: AnnotatorPrompt | None = None
@@ -104,11 +107,12 @@ class LabelMode:
         actions = PanelActions(
             act=lambda name: host.later(lambda: self._act(name)),
             change=lambda **changes: host.later(lambda: self._do(lambda editor: editor.change_view(changes))),
-            name=lambda name: host.later(lambda: self._use_name(name) if name.strip() else None),
+            name=lambda name: host.later(lambda: self._use_name(name)),
             step=lambda step_us: host.send(SetStep(step_us)),
             numbers=lambda x, y, r: host.later(lambda: self._do(lambda editor: editor.set_numbers(x, y, r))),
         )
         self._panel = LabelPanel(host.client.gui, actions)
+        host.listen("field", lambda message: self._panel.field_left(message.get("name"), message.get("text")))
         with self._panel.folder:
             self._merge = MergePanel(
                 host.client.gui,
@@ -230,7 +234,8 @@ class LabelMode:
     # Pictures -----------------------------------------------------------------------------------------------------
 
     def _scene(self, editor: LabelEditor, state: ClientState) -> LabelScene:
-        return LabelScene(editor.labelling, state.look.rendering, state.look.colours, self._ring)
+        aspect = self._host.plane.free_aspect
+        return LabelScene(editor.labelling, state.look.rendering, state.look.colours, self._ring, aspect)
 
     def _show_mosaic(self, request: object, editor: LabelEditor, mosaic: LabelMosaic) -> None:
         if self._active and editor is self._editor:
@@ -278,7 +283,7 @@ class LabelMode:
     def _carry_out(self, name: str) -> None:
         suggestions, state = self._suggestions, self._host.state
         if name in ACTS:
-            self._do(ACTS[name])
+            self._do_act(name)
         elif name in ("propose", "suspicious", "blind") and isinstance(self._recording, RingRecording):
             self._freeze(self._recording, lambda: self._carry_out(name))
         elif suggestions is not None and state is not None and self._active:
@@ -291,19 +296,52 @@ class LabelMode:
             }
             acts[name]()
 
+    def _do_act(self, name: str) -> None:
+        """Do what a key or button stands for; say so if it changed nothing."""
+        before, self._answered = self._at_hand(), False
+        self._do(ACTS[name])
+        if not self._answered and self._at_hand() == before:
+            self._host.say(idle_key_text(name))
+
+    def _at_hand(self) -> object:
+        """All that an act can change at once: what it writes is saved later."""
+        if self._editor is None:
+            return None
+        now = self._editor.labelling
+        return now.t_us, now.view, now.works, now.breaks_us, now.asking
+
+    def _note(self, note: Note) -> None:
+        self._answered = True
+        self._host.note(note.title, note.text, note.colour)
+
+    def _report(self, error: Exception) -> None:
+        self._answered = True
+        self._host.report(error)
+
     def _do(self, act: EditorAct) -> None:
         if self._editor is not None and self._active:
             self._status = None
             self._editor.do(act)
 
     def _use_name(self, text: str) -> None:
-        name = annotator_from(text)
+        try:
+            name = annotator_from(text)
+        except CommandError:
+            self._panel.show_name()
+            raise
+        self._sign_in(name)
+
+    def _sign_in(self, name: str) -> None:
+        """From now on this browser's labels are of this annotator."""
         self._named = True
+        self._host.send(SignIn(name))
+        self._panel.show_name(name)  # as it is stored: small letters
         self._do(lambda editor: editor.change_view({"annotator": name}))
 
     def _may_write(self, act: EditorAct) -> bool:
         """Labels belong to somebody, and to a recording that stays; else first things first."""
         assert self._editor is not None
+        self._answered = True
         if isinstance(self._recording, RingRecording):
             self._freeze(self._recording, lambda: self._do(act))
             return False
@@ -319,8 +357,8 @@ class LabelMode:
         host, editor = self._host, self._editor
 
         def named(name: str) -> None:
-            self._prompt, self._named = None, True
-            self._do(lambda editor: editor.change_view({"annotator": name}))
+            self._prompt = None
+            self._sign_in(name)
             if editor is self._editor:
                 self._do(act)
 
@@ -392,8 +430,8 @@ class LabelMode:
         callbacks = LabelCallbacks(
             self._may_write,
             host.later,
-            host.report,
-            lambda note: host.note(note.title, note.text, note.colour),
+            self._report,
+            self._note,
             lambda t_us: host.send(Seek(t_us)),
         )
         step_us = DEFAULT_STEP_US if state is None else state.step_us

@@ -24,7 +24,9 @@ STATE_NAMES: Final = {
 }
 """Act -> what its button says."""
 
-ACCEPT_ALL_HINT: Final = "What is proposed at this time. Labels in two cameras propose the ball in all others"
+ANNOTATOR: Final = "Annotator"
+"""Label of the field with the annotator's name."""
+ACCEPT_ALL_HINT: Final = "Accepts the proposals at this time. Labels in two cameras propose the ball in all others"
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,9 +70,7 @@ class LabelPanel:
 
     def _add_view(self, gui: viser.GuiApi) -> None:
         actions = self._actions
-        self._annotator = gui.add_text(
-            "Annotator", DEFAULT_ANNOTATOR, hint="Whose labels these are: a layer of its own"
-        )
+        self._annotator = gui.add_text(ANNOTATOR, DEFAULT_ANNOTATOR, hint="Annotator. Each name has its own layer")
         self._camera = Listing(
             gui, "Camera", lambda name: actions.change(camera=name), hint="Key 0: the next one; or click its picture"
         )
@@ -103,10 +103,10 @@ class LabelPanel:
         actions = self._actions
         with gui.add_folder("Assistance"):
             self._snap = gui.add_checkbox("Snap clicks to the events", True)
-            self._advance = gui.add_checkbox("Go on after each label", False)
+            self._advance = gui.add_checkbox("Next time after each label", False)
             self._follow = gui.add_checkbox("Zoom follows the ball", True)
             self._epipolar = gui.add_checkbox("Other cameras' rays", True)
-            self._propose = gui.add_button("Propose from here on (I)", icon=viser.Icon.WAND)
+            self._propose = gui.add_button("Propose from here on (I)", icon=viser.Icon.WAND, color="teal")
             self._proposals = gui.add_html("")
             for label, name, icon in (
                 ("Accept steady segment (Enter)", "accept_segment", viser.Icon.CHECKS),
@@ -137,7 +137,7 @@ class LabelPanel:
     def show_view(self, view: LabelView, step_us: int) -> None:
         """Let the controls follow what was chosen."""
         if view.annotator != self._named:  # else somebody may be typing another
-            self._annotator.value = self._named = view.annotator
+            self.show_name(view.annotator)
         self._camera.show(view.camera)
         self._window.show(f"{view.window_us / 1e3:g}")
         self._zoom.show("whole" if view.zoom == 1 else f"{view.zoom:g}x")
@@ -145,6 +145,16 @@ class LabelPanel:
             self._step.value = step_label(step_us)
         self._snap.value, self._advance.value = view.snap, view.advance
         self._follow.value, self._epipolar.value = view.follow, view.epipolar
+
+    def show_name(self, name: str | None = None) -> None:
+        """Let the annotator's field show this name; without one, the name that it showed before another was typed."""
+        self._named = name or self._named
+        self._annotator.value = self._named
+
+    def field_left(self, name: object, text: object) -> None:
+        """A field was left with the text that it had: typed or confirmed, that of the annotator is a name given."""
+        if name == ANNOTATOR and text == self._named:
+            self._actions.name(self._named)
 
     def show_label(self, label: Label | None, asking: UnfitClick | None) -> None:
         """Numbers and state at the cursor; of a click that waits for its radius, the centre."""

@@ -22,15 +22,8 @@ from app.modes.label.label_picture import (
     status_texts,
 )
 from app.modes.label.labelling import Labelling, Point
-from app.modes.label.plan import (
-    MAIN_WIDTH_PX,
-    SIDE_COLUMNS,
-    SIDE_GAP_PX,
-    LabelScene,
-    centre_at,
-    plan_at,
-    side_width_px,
-)
+from app.modes.label.plan import LabelScene, centre_at, plan_at
+from app.modes.label.side_layout import GAP_PX, MAIN_WIDTH_PX
 from app.modes.label.sources import LabelSource
 from app.pictures.palette import PaletteIndex
 from app.views.freshness import AnswerFreshness
@@ -38,7 +31,6 @@ from app.views.mosaic import Mosaic, MosaicTile, SheetText, css_colour
 
 READY_STEPS: Final = (1, 2, 3, -1, 4, 5, 6, -2, 10, -10)
 """Neighbours that are drawn before they are asked for."""
-GAP_PX = 10
 LINE_PX = 34
 """From one line of words to the next."""
 KEPT = 256
@@ -84,30 +76,32 @@ class PictureCache:
         return png
 
     def make_sheet(self, plan: PicturePlan, now: Labelling, strip_data: StripData) -> LabelMosaic:
-        """All pictures of a plan, laid out: the large one, the strip, then rows of the whole and the other cameras."""
+        """All pictures of a plan, laid out: the large one, the strip, then the whole and the other cameras."""
         main = self._place(plan.main, now, 0, 0, MAIN_WIDTH_PX)
         strip_png = encode_strip(strip_data, plan.t_us, now.step_us, plan.main.colours)
         y = main.height + GAP_PX
         strip = MosaicTile(strip_png, plan.main.region, 0, y, MAIN_WIDTH_PX, HEIGHT_PX)
         y += HEIGHT_PX + GAP_PX
-        below: list[MosaicTile] = []
-        width = side_width_px(len(plan.others) + 1)
+        small: list[MosaicTile] = []
+        sides = plan.sides
+        left, top = (MAIN_WIDTH_PX + GAP_PX, 0) if sides.beside else (0, y)
         for number, key in enumerate((plan.overview, *plan.others)):
-            column = number % SIDE_COLUMNS
+            column = number % sides.columns
             if number and not column:
-                y = max(tile.y + tile.height for tile in below) + GAP_PX
-            below.append(self._place(key, now, column * (width + SIDE_GAP_PX), y, width))
-        pictures = [main, strip, *below]
+                top = max(tile.y + tile.height for tile in small) + GAP_PX
+            small.append(self._place(key, now, left + column * (sides.width_px + GAP_PX), top, sides.width_px))
+        pictures = [main, strip, *small]
         texts = [
             _title(plan.main, main),
             *_legend(plan, main),
             *status_texts(strip_data, strip.y + STATUS_PX / 2, plan.main.colours),
         ]
-        texts += [_title(key, tile) for key, tile in zip((plan.overview, *plan.others), below, strict=True)]
+        texts += [_title(key, tile) for key, tile in zip((plan.overview, *plan.others), small, strict=True)]
+        width = max(picture.x + picture.width for picture in pictures)
         height = max(picture.y + picture.height for picture in pictures)
-        others = tuple((key.camera, tile) for key, tile in zip(plan.others, below[1:], strict=True))
-        sheet = Mosaic(tuple(pictures), MAIN_WIDTH_PX, height, tuple(texts))
-        return LabelMosaic(sheet, plan, main, strip, below[0], others)
+        others = tuple((key.camera, tile) for key, tile in zip(plan.others, small[1:], strict=True))
+        sheet = Mosaic(tuple(pictures), width, height, tuple(texts))
+        return LabelMosaic(sheet, plan, main, strip, small[0], others)
 
     def _place(self, key: PictureKey, now: Labelling, x: int, y: int, width: int) -> MosaicTile:
         png = self.get(key, now.sources[key.camera])

@@ -10,6 +10,7 @@ import numpy as np
 
 from app.modes.label.comparison import pair_legend, pair_marks
 from app.modes.label.label_picture import (
+    HEIGHT_PX,
     STATE_INKS,
     BoxMark,
     CircleMark,
@@ -20,6 +21,7 @@ from app.modes.label.label_picture import (
     PointMark,
 )
 from app.modes.label.labelling import Labelling, Point, window_around
+from app.modes.label.side_layout import GAP_PX, MAIN_WIDTH_PX, USUAL_ASPECT, SideLayout, choose_side_layout
 from app.modes.label.sightings import FROM_OTHERS, agreement_at, draft_at, expected_at, positions_at, reprojected_at
 from app.modes.label.sources import LabelSource
 from app.pictures.canvas import Region, Rendering
@@ -28,9 +30,6 @@ from core.cameras import Camera
 from core.events import Events
 from labels.assist import epipolar_curve
 
-MAIN_WIDTH_PX = 1280
-SIDE_COLUMNS, SIDE_GAP_PX = 4, 12
-"""Most pictures in a row below the strip, and the gap between two."""
 EPIPOLAR_POINTS = 48
 KEPT_RAYS = 256
 """Rays that are kept: of four cameras, six at the cursor and at each of its neighbours."""
@@ -47,6 +46,8 @@ class LabelScene:
     colours: PolarityColours = "orange / blue"
     ring: tuple[float, float, float] | None = None
     """A circle that is being drawn."""
+    aspect: float = USUAL_ASPECT
+    """Width over height of what the window leaves to the pictures."""
 
 
 def centre_at(scene: LabelScene, t_us: int, before: Point | None) -> Point:
@@ -93,12 +94,12 @@ def plan_at(scene: LabelScene, t_us: int, centre: Point) -> PicturePlan:
     name = f"{source.name}   {t_us / 1e6:.6f} s{repeat}"
     main = _key(scene, source, t_us, region, MAIN_WIDTH_PX, marks, name)
     box: tuple[Mark, ...] = (BoxMark(region, PaletteIndex.TEXT),) if view.zoom > 1.0 else ()
-    width_px = side_width_px(len(now.others) + 1)
-    overview = _key(scene, source, t_us, whole, width_px, (*_bare(marks), *box), "whole picture")
+    sides = _sides(scene)
+    overview = _key(scene, source, t_us, whole, sides.width_px, (*_bare(marks), *box), "whole picture")
     agreement = agreement_at(now, t_us) if len(now.rig) > 2 else None
     off_px = {} if agreement is None else agreement.off_px
     others = tuple(_other_key(scene, other, t_us, lines.get(other.name, ()), off_px) for other in now.others)
-    return PicturePlan(t_us, main, overview, others, legend)
+    return PicturePlan(t_us, main, overview, others, sides, legend)
 
 
 def _other_key(
@@ -112,13 +113,15 @@ def _other_key(
     if place is not None:
         region = Region.around(*place, size, view.zoom)
     caption = f"{source.name}   {off_px[source.name]:.2f} px" if source.name in off_px else source.name
-    return _key(scene, source, t_us, region, side_width_px(len(scene.now.others) + 1), marks, caption)
+    return _key(scene, source, t_us, region, _sides(scene).width_px, marks, caption)
 
 
-def side_width_px(pictures: int) -> int:
-    """Width of each of so many pictures below the strip: two to four stand beside each other."""
-    columns = min(max(pictures, 2), SIDE_COLUMNS)
-    return (MAIN_WIDTH_PX - (columns - 1) * SIDE_GAP_PX) // columns
+def _sides(scene: LabelScene) -> SideLayout:
+    """Places of the small pictures: the whole picture and the other cameras."""
+    size = scene.now.source.size
+    ratio = size.height_px / size.width_px
+    base_px = MAIN_WIDTH_PX * ratio + HEIGHT_PX + 2 * GAP_PX
+    return choose_side_layout(len(scene.now.others) + 1, ratio, base_px, scene.aspect)
 
 
 def _lines(now: Labelling, t_us: int) -> dict[str, tuple[Mark, ...]]:

@@ -40,7 +40,9 @@ class LabelResultsPanel:
             self._pictures = gui.add_checkbox(
                 "With pictures", False, hint="A PNG of the events of each label; CSV has none"
             )
-            self._export = gui.add_button("Export labels", icon=viser.Icon.DOWNLOAD, hint="One ZIP file, downloaded")
+            self._export = gui.add_button(
+                "Export labels", icon=viser.Icon.DOWNLOAD, color="teal", hint="One ZIP file, downloaded"
+            )
             self._cancel = gui.add_button("Cancel", icon=viser.Icon.X, visible=False)
             self._status = gui.add_html("")
         when_clicked(scoring, score)
@@ -104,7 +106,7 @@ class LabelResults:
             name, made, self._name = self._name, self._made, None
             lines = (state.message,)
             if made is not None and not state.failed and state.message != "cancelled":
-                lines += (f"{made.labels} labels, {len(made.pictures)} pictures; it is in the folder exports too",)
+                lines += (f"{made.labels} labels, {len(made.pictures)} pictures; also in the folder exports",)
                 lines += tuple(f"not in this format: {loss}" for loss in made.losses)
                 download_export(self._host, name)
             self._panel.show(lines, running=False, failed=state.failed)
@@ -163,5 +165,5 @@ def _wait_until_saved(editor: LabelEditor) -> None:
     until_s = time.monotonic() + SAVED_WITHIN_S
     while editor.writer.waiting:
         if time.monotonic() > until_s:
-            raise CommandError("the last labels are not saved yet", remedy="export again when they are")
+            raise CommandError("the last labels are not saved yet", remedy="wait until they are, then export again")
         time.sleep(0.02)

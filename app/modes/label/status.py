@@ -18,6 +18,8 @@ from app.pictures.palette import PaletteIndex
 from labels.assist import Proposals
 from labels.model import Label
 
+HERE_STYLE = "height:60px;overflow-y:auto"
+"""Style of the lines of one time: as high for one line as for three, or the controls below move under the mouse."""
 BRAND = f"rgb{theme.BRAND_RGB}"
 AMBER = "#ffb020"
 FAR_PX = 2.0
@@ -52,8 +54,8 @@ def live_html(share: float | None) -> str:
 
 def _live_text(share: float | None) -> str:
     if share is None:
-        return "live: the first label freezes it into a recording"
-    return f"freezing the live rally into a recording: {percent(share)}"
+        return "live: the first label saves it as a recording"
+    return f"saving the live rally as a recording: {percent(share)}"
 
 
 def save_html(labelling: Labelling, writer: LabelWriter) -> str:
@@ -161,7 +163,7 @@ def here_html(
             lines.append(_residuals_html(agreement))
     if reason:
         lines.append(note_html(html_text(reason), BRAND))
-    return "".join(lines)
+    return f"<div style='{HERE_STYLE}'>{''.join(lines)}</div>"
 
 
 def agreement_words(agreement: CameraAgreement) -> str:
@@ -185,6 +187,6 @@ def proposals_html(proposals: Proposals | None, share: float | None, held: bool)
     """How far the detector has come, and whether a key waits for it."""
     count = 0 if proposals is None else len(proposals)
     if share is not None:
-        waits = "; Enter waits for it, Escape forgets that" if held else ""
+        waits = "; Enter waits for it, Escape cancels" if held else ""
         return note_html(f"proposing: {percent(share)}, {count} so far{waits}", BRAND if held else theme.MUTED)
-    return note_html(f"{count} proposals", theme.MUTED) if count else ""
+    return note_html(f"{count} proposals" if count else "&nbsp;", theme.MUTED)  # empty, the buttons would move

@@ -162,7 +162,7 @@ class LabelSuggestions:
         parts = {name: now.works[name].proposals for name in now.rig}
         given = {name: part for name, part in parts.items() if part is not None}
         if not now.rig:
-            editor.note("No flight here", "A flight needs two calibrated cameras; Enter accepts what is steady in one.")
+            editor.note("No flight here", "It needs two calibrated cameras. Enter accepts a steady segment in one.")
         elif now.view.camera not in given or len(given) < 2:
             editor.note(*NO_PROPOSALS)
         else:
@@ -180,7 +180,7 @@ class LabelSuggestions:
             return  # the person went elsewhere
         if found is None:
             where = "both cameras" if len(cameras) == 2 else "the cameras"
-            text = f"What is proposed round here in {where} is not one ball in free flight."
+            text = f"The proposals around the cursor in {where} are not one ball in free flight."
             self._editor.note("No flight here", text)
             return
         doubted_us = doubted_times(now, found)
@@ -207,7 +207,7 @@ class LabelSuggestions:
         item = next((item for item in items if (camera, item.t_us) not in self._visited), None)
         if item is None:
             self._visited.clear()
-            text = "Every item was visited; the next press begins anew." if items else "Nothing speaks against a label."
+            text = "All items were visited. Press again to start over." if items else "No label looks wrong."
             self._editor.note("Queue", text, "green")
             return
         self._visited.add((camera, item.t_us))
@@ -237,7 +237,7 @@ class LabelSuggestions:
         if picked:
             self._editor.begin_repeat(picked[0])
         else:
-            text = "One label in twenty is asked for again, once twenty others were made after it."
+            text = "One label in twenty is repeated, after twenty others."
             self._editor.note("No second look is due", text, "green")
 
 
@@ -327,7 +327,7 @@ def accept_segment(editor: LabelEditor) -> None:
         return
     rows = steady_segment(proposals, now.t_us, stereo_residual_px=_stereo_residual_px(now, proposals))
     if not len(rows):
-        text = "The proposals round here do not agree with each other. Look at each: space accepts, R rejects."
+        text = "The proposals around the cursor contradict each other. Look at each: space accepts, R rejects."
         editor.note("Not at once", text)
         return
     first_us, last_us = proposals.t_us[rows[[0, -1]]].tolist()
@@ -354,7 +354,7 @@ def interpolate(editor: LabelEditor) -> None:
         if count:
             editor.note("Interpolated", f"{count} labels; Z takes them back", "green")
         else:
-            editor.note("Interpolated", "It takes five labels without a break between.")
+            editor.note("Interpolated", "Needs five labels without a gap between them.")
 
     editor.write(change, then=then)
 
@@ -400,7 +400,7 @@ def _in_sight(editor: LabelEditor, draft: ProposedLabel) -> bool:
     view = replace(now.view, centre_px=(draft.x_px, draft.y_px))
     if view != now.view:
         editor.labelling = replace(now, view=view)
-        text = "What is proposed was outside the picture. Now it is in it: press the key again."
+        text = "The proposal was outside the picture. It is visible now: press the key again."
         editor.note("Not judged yet", text)
     return False
 

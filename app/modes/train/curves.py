@@ -21,6 +21,8 @@ WINDOW: Final = 25
 FEWEST: Final = 5
 """but not fewer than this: one lucky ball is no return rate."""
 MAX_POINTS: Final = 1000
+MAX_BORDERS: Final = 40
+"""Most stages whose beginning is drawn; the last ones are."""
 CURVES: Final[tuple[str, ...]] = ("returned", "error_mm", "reward", "noise", "w1", "w2")
 
 
@@ -89,6 +91,24 @@ def on_axis(values: Array, axis: Array) -> Array:
         if len(values)
         else np.full(len(axis), np.nan)
     )
+
+
+def stage_borders(speeds_mps: Array) -> Array:
+    """Episodes, counted from 1, with which another stage of the curriculum began: (B,), from each ball's speed (N,)."""
+    return (np.flatnonzero(np.diff(speeds_mps) != 0).astype(np.float64) + 2.0)[-MAX_BORDERS:]
+
+
+def with_borders(axis: Array, borders: Array) -> Array:
+    """The axis with each border twice more: a chart draws an upright line between two points at one place."""
+    return np.sort(np.concatenate([axis, borders, borders]))
+
+
+def border_lines(axis: Array, borders: Array, low: float, high: float) -> Array:
+    """(A,) curve of upright lines from `low` to `high` at the borders of an axis of `with_borders`; NaN elsewhere."""
+    line = np.full(len(axis), np.nan)
+    first = np.searchsorted(axis, borders)
+    line[first], line[first + 1] = low, high
+    return line
 
 
 def points_on_axis(at: Array, values: Array, axis: Array) -> Array:

@@ -214,7 +214,7 @@ class FormPanel:
     ) -> None:
         self._start = start
         self._choose = choose
-        self._preset = gui.add_dropdown("Preset", (*offered_presets(), CUSTOM), hint="Fills in everything below")
+        self._preset = gui.add_dropdown("Preset", (*offered_presets(), CUSTOM), hint="Fills in all settings below")
         specs = form_specs()
         self._specs = {spec.path: spec for spec in specs}
         self._handles = {spec.path: add_field_control(gui, spec) for spec in specs[: len(MAIN)]}
@@ -224,7 +224,7 @@ class FormPanel:
                     self._handles |= {spec.path: add_field_control(gui, spec) for spec in fields}
         self._name = gui.add_text("Name", "", hint="Name of the run; empty: chosen automatically")
         self._place = gui.add_dropdown(
-            "Where", places, visible=len(places) > 1, hint="Where seeds are trained in parallel"
+            "Where", places, visible=len(places) > 1, hint="Machine that trains several seeds in parallel"
         )
         button = gui.add_button("Start", icon=viser.Icon.PLAYER_PLAY)
         when_changed(self._preset, lambda name: later(lambda: self._use(str(name))))

@@ -48,6 +48,7 @@ class RunPanel:
         self._now = gui.add_button(
             "Train now",
             icon=viser.Icon.PLAYER_PLAY_FILLED,
+            color="teal",
             hint="A hundred balls at 5 m/s, slow enough to watch: it learns to place balls in a minute",
         )
         self._status = gui.add_html("")

@@ -11,7 +11,7 @@ from viser import uplot
 
 from app import theme
 from app.formatting import html_text
-from app.modes.train.curves import WINDOW, SeedResults, seed_results_html
+from app.modes.train.curves import WINDOW, SeedResults, border_lines, seed_results_html
 from app.modes.train.maps import MapView
 from app.modes.train.status import case_counts_html, kept_html, log_html, map_html, offsets_title_html, runs_html
 from app.modes.train.view import COMPARED, ChartData, Details, RunsView
@@ -34,10 +34,20 @@ AXIS: Final = "#9aa0aa"
 GRID: Final = "#32363e"
 ERROR_TOPS_MM: Final = (50.0, 100.0, 200.0, 400.0, 800.0)
 """Possible ends of the error's scale; few, so that it rarely changes."""
+LEAST_ERROR_MM: Final = 10.0
+"""Lower end of the error's scale, which is logarithmic: what is learned last is a factor, not a distance."""
 WEIGHTS: Final = "weights"
+BORDER: Final = "#8b8f98"
+BORDER_SPANS: Final = {
+    "returned": (0.0, 104.0),
+    "error_mm": (LEAST_ERROR_MM, ERROR_TOPS_MM[-1]),
+    "reward": (-1.1, 4.1),
+    WEIGHTS: (0.0, 1.02),
+}
+"""Lower and upper end of the line where a stage begins: of the chart's largest scale."""
 TITLES: Final = (
     ("returned", f"Returned, % of the last {WINDOW} balls"),
-    ("error_mm", f"Landing error, mm, mean of the last {WINDOW}"),
+    ("error_mm", f"Landing error, mm (log), mean of the last {WINDOW}"),
     ("reward", f"Reward, mean of the last {WINDOW}"),
 )
 
@@ -80,7 +90,7 @@ class ChartsPanel:
             return
         for name, chart in self._charts.items():
             chart.data = (data.axis, *columns[name])
-            scales = _scales(data.end, _range_of(name, columns[name]))
+            scales = _scales(data.end, name, _range_of(name, columns[name]))
             if scales != chart.scales:
                 chart.scales = scales
 
@@ -101,6 +111,7 @@ def chart_columns(data: ChartData) -> dict[str, list[Array]]:
         name: [
             data.seeds_high[name],
             data.seeds_low[name],
+            border_lines(data.axis, data.borders, *BORDER_SPANS[name]),
             *(other[name] for other in data.compared),
             *(seed[name] for seed in data.seeds),
             data.seeds_mean[name],
@@ -109,7 +120,8 @@ def chart_columns(data: ChartData) -> dict[str, list[Array]]:
         ]
         for name, _ in TITLES
     }
-    return columns | {WEIGHTS: [data.run[name] for name in ("w1", "w2", "noise")]}
+    weights = [data.run[name] for name in ("w1", "w2", "noise")]
+    return columns | {WEIGHTS: [border_lines(data.axis, data.borders, *BORDER_SPANS[WEIGHTS]), *weights]}
 
 
 def curve_legend_html(run: str, compared: tuple[str, ...], *, several_seeds: bool) -> str:
@@ -118,6 +130,7 @@ def curve_legend_html(run: str, compared: tuple[str, ...], *, several_seeds: boo
     if several_seeds:
         entries += [(SEED, "its other seeds"), (MEAN, "mean of its seeds, 95 % interval (t)")]
     entries += list(zip(OTHERS, compared, strict=False))
+    entries.append((BORDER, "a stage begins"))
     shown = " &nbsp; ".join(
         f"<span style='white-space:nowrap'><span style='color:{colour}'>●</span> {html_text(name)}</span>"
         for colour, name in entries
@@ -126,20 +139,21 @@ def curve_legend_html(run: str, compared: tuple[str, ...], *, several_seeds: boo
 
 
 def _range_of(name: str, curves: list[Array]) -> tuple[float, float]:
-    if name == WEIGHTS:
-        return 0.0, 1.02
-    if name == "returned":
-        return 0.0, 104.0
-    if name == "reward":
-        return -1.1, 4.1
+    if name != "error_mm":
+        return BORDER_SPANS[name]
     highest = 0.0
-    for curve in curves[2:]:  # the wide interval of few seeds does not set the scale
+    for curve in curves[3:]:  # neither the wide interval of few seeds nor a border sets the scale
         known = curve[np.isfinite(curve)]
         highest = max(highest, float(known.max()) if len(known) else 0.0)
-    return 0.0, next((top for top in ERROR_TOPS_MM if highest <= top), ERROR_TOPS_MM[-1])
+    return LEAST_ERROR_MM, next((top for top in ERROR_TOPS_MM if highest <= top), ERROR_TOPS_MM[-1])
 
 
-def _scales(end: int, y_range: tuple[float, float]) -> dict[str, uplot.Scale]:
+def _scales(end: int, name: str, y_range: tuple[float, float]) -> dict[str, uplot.Scale]:
+    if name == "error_mm":
+        return {
+            "x": uplot.Scale(time=False, auto=False, range=(0.0, float(end))),
+            "y": uplot.Scale(auto=False, range=y_range, distr=3, log=10),
+        }
     return {
         "x": uplot.Scale(time=False, auto=False, range=(0.0, float(end))),
         "y": uplot.Scale(auto=False, range=y_range),
@@ -152,7 +166,7 @@ def _add_chart(
     return gui.add_uplot(
         (data.axis, *curves),
         series,
-        scales=_scales(data.end, _range_of(name, curves)),
+        scales=_scales(data.end, name, _range_of(name, curves)),
         axes=(_axis(size=22), _axis(size=38)),
         bands=({"series": (1, 2), "fill": BAND},) if name != WEIGHTS else None,
         legend=uplot.Legend(show=False),
@@ -171,6 +185,9 @@ def _axis(size: int) -> uplot.Axis:
     )
 
 
+_BORDER_SERIES: Final = uplot.Series(label="stage", stroke=BORDER, width=1, dash=(3, 3), points={"show": False})
+
+
 def _curve_series(seeds: int) -> tuple[uplot.Series, ...]:
     others = [
         uplot.Series(label=f"other {k + 1}", stroke=colour, width=1, points={"show": False})
@@ -180,6 +197,7 @@ def _curve_series(seeds: int) -> tuple[uplot.Series, ...]:
         uplot.Series(label="ball"),
         uplot.Series(label="upper end of 95 %", stroke=BAND_EDGE, width=1, points={"show": False}),
         uplot.Series(label="lower end of 95 %", stroke=BAND_EDGE, width=1, points={"show": False}),
+        _BORDER_SERIES,
         *others,
         *(uplot.Series(label=f"seed {k + 1}", stroke=SEED, width=1, points={"show": False}) for k in range(seeds)),
         uplot.Series(label="mean of seeds", stroke=MEAN, width=1, dash=(4, 4), points={"show": False}),
@@ -196,6 +214,7 @@ def _curve_series(seeds: int) -> tuple[uplot.Series, ...]:
 def _weights_series() -> tuple[uplot.Series, ...]:
     return (
         uplot.Series(label="ball"),
+        _BORDER_SERIES,
         uplot.Series(label="w1", stroke=W1, width=2, points={"show": False}),
         uplot.Series(label="w2", stroke=W2, width=2, points={"show": False}),
         uplot.Series(label="noise", stroke=NOISE, width=2, points={"show": False}),
@@ -208,9 +227,9 @@ def _title(text: str) -> str:
 
 def _weights_title() -> str:
     parts = (
-        (W1, "w1: return it"),
-        (W2, "w2: place it"),
-        (NOISE, "noise of the exploration"),
+        (W1, "weight: return"),
+        (W2, "weight: place"),
+        (NOISE, "exploration noise"),
     )
     return _title(" &nbsp; ".join(f"<span style='color:{colour}'>{text}</span>" for colour, text in parts))
 

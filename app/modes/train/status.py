@@ -198,7 +198,7 @@ def kept_html(stage_starts: tuple[dict[str, object], ...], curriculum: Curriculu
     if not rows:
         return ""
     return (
-        f"<div style='font-size:12.5px;line-height:1.5;padding:4px 12px'><b>What a stage kept of the balls before</b> "
+        f"<div style='font-size:12.5px;line-height:1.5;padding:4px 12px'><b>Balls kept from earlier stages</b> "
         f"<span style='color:{theme.MUTED}'>({rule_text(curriculum)}; dropped ones faded)</span>{''.join(rows)}</div>"
     )
 

@@ -19,6 +19,8 @@ from app.modes.train.curves import (
     points_on_axis,
     seed_results,
     shared_axis,
+    stage_borders,
+    with_borders,
 )
 from app.modes.train.plan_view import draw_offsets, draw_plan, encode_plan
 from app.scene.prediction import REACH_M, SPOTS
@@ -74,6 +76,8 @@ class ChartData:
     """Values of the other seeds that were started, at most SEEDS_DRAWN."""
     compared: tuple[dict[str, Array], ...]
     """Curves of exactly COMPARED runs; unused ones are all NaN."""
+    borders: Array
+    """Episodes with which another stage of the chosen seed began; the axis has each of them twice or more."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -200,7 +204,7 @@ def make_details(
     curves = [curves_of(m) for m in metrics.values()]
     ours = curves[-1]
     return Details(
-        charts=_charts(curves, [curves_of(m) for m in others], planned),
+        charts=_charts(curves, [curves_of(m) for m in others], planned, stage_borders(newest.columns["speed_mps"])),
         counts={case: int(np.count_nonzero(cases == case)) for case in Case},
         plan_png=encode_plan(
             draw_plan(cases[-PLAN_SPOTS:], landings[-PLAN_SPOTS:], np.array(goal) if isinstance(goal, list) else None)
@@ -218,10 +222,11 @@ def make_details(
     )
 
 
-def _charts(curves: list[Curves], others: list[Curves], planned: int) -> ChartData:
+def _charts(curves: list[Curves], others: list[Curves], planned: int, borders: Array) -> ChartData:
     longest = max(len(c) for c in curves)
     # Two points at least: a chart with one may never show its ticks.
     axis = shared_axis(max(longest, min(planned, max((len(c) for c in others), default=0)), 2))
+    axis = with_borders(axis, borders)
     ours = curves[-1]
     nothing = np.full(len(axis), np.nan)
     several = len(curves) > 1
@@ -237,6 +242,7 @@ def _charts(curves: list[Curves], others: list[Curves], planned: int) -> ChartDa
         {name: on_axis(bands[name][1], axis) if several else nothing for name in CURVES},
         tuple({name: on_axis(c.values[name], axis) for name in CURVES} for c in curves[:-1][-SEEDS_DRAWN:]),
         (*shown, *[dict.fromkeys(CURVES, nothing)] * (COMPARED - len(shown))),
+        borders,
     )
 
 

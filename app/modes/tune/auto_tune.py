@@ -58,11 +58,12 @@ class AutoTunePanel:
             self._trials = gui.add_number("Trials", config.trials, min=1, max=MAX_TRIALS, step=1)
             self._seed = gui.add_number("Seed", config.seed, min=0, max=LARGEST_SEED, step=1)
             self._all_cameras = gui.add_checkbox("All cameras", True, hint="All cameras, or only the shown one")
-            self._place = gui.add_dropdown("Where", places, visible=len(places) > 1, hint="Where the trials run")
+            self._place = gui.add_dropdown("Where", places, visible=len(places) > 1, hint="Machine for the trials")
             self._start = gui.add_button(
                 "Tune automatically",
                 icon=viser.Icon.WAND,
-                hint="The chosen method, from config A; B becomes the result",
+                color="teal",
+                hint="Starts from config A of the chosen method; the result is config B",
             )
             self._cancel = gui.add_button("Cancel tuning", icon=viser.Icon.X, visible=False)
             self._progress = gui.add_progress_bar(0.0, visible=False)

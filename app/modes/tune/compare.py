@@ -7,7 +7,7 @@ from typing import Final
 
 from app.background.jobs import LoopJob, Progress
 from app.modes.mode import ModeHost
-from app.modes.tune.compare_panel import WIDTH_PX, ComparePanel, CompareSidePanel
+from app.modes.tune.compare_panel import ComparePanel, CompareSidePanel
 from app.modes.tune.compare_run import CompareAnswer, CompareRequest, run_comparison
 from app.state.client_state import ClientState
 from app.state.commands import Command, LookAt, SetCamera, SetMethod, StopAt
@@ -19,11 +19,10 @@ PROGRESS_EVERY_S: Final = 0.1
 
 
 class CompareOverTime:
-    """Methods are called in the loop. `make_room(width_px)` is told how much of the window it takes at the left."""
+    """Methods are called in the loop."""
 
-    def __init__(self, host: ModeHost, send: Callable[[Command], None], make_room: Callable[[int], None]) -> None:
+    def __init__(self, host: ModeHost, send: Callable[[Command], None]) -> None:
         self._host = host
-        self._make_room = make_room
         self._job = LoopJob[CompareAnswer](host.later, host.report, lambda: self.panel.show_running(False))
         self._answer: CompareAnswer | None = None
         self._active, self._wanted = False, True
@@ -46,9 +45,7 @@ class CompareOverTime:
     def show(self, active: bool) -> None:
         """Show or hide the result."""
         self._active = active
-        visible = active and self._wanted and self._answer is not None
-        self._side.panel.visible = visible
-        self._make_room(WIDTH_PX if visible else 0)
+        self._side.panel.visible = active and self._wanted and self._answer is not None
 
     def show_state(self, state: ClientState) -> None:
         """Let the controls follow the state."""

@@ -40,15 +40,15 @@ class ComparePanel:
         with self.folder:
             for method, what in METHODS.items():
                 self._ticks[method] = gui.add_checkbox(method, False, hint=what)
-            self._side_by_side = gui.add_checkbox("Side by side", False, hint="The same window with each method")
+            self._side_by_side = gui.add_checkbox("Side by side", False, hint="Shows the same window with each method")
             self._against = gui.add_dropdown(
                 "Reference",
                 (KNOWN, *METHODS),
                 hint="The reference: truth or labels, or another method to measure agreement with",
             )
             self._span = gui.add_dropdown("Over", tuple(SPANS))
-            hint = "Recall, error and run time over the recording, and where each method fails"
-            self._start = gui.add_button("Compare over time", icon=viser.Icon.CHART_LINE, hint=hint)
+            hint = "Recall, error and run time over the recording, and the places where each method fails"
+            self._start = gui.add_button("Compare over time", icon=viser.Icon.CHART_LINE, color="teal", hint=hint)
             self._cancel = gui.add_button("Cancel the comparison", icon=viser.Icon.X, visible=False)
             self._progress = gui.add_progress_bar(0.0, visible=False)
             self._result = gui.add_checkbox("Show the result", True, visible=False, hint="The panel on the left")

@@ -229,15 +229,16 @@ def stretches_html(answer: CompareAnswer, method: Method, *, missed: bool) -> st
     stretches = one.missed if missed else one.false
     count = sum(stretch.count for stretch in stretches)
     if missed:
-        what = f"{count} of {len(one.judged.asked_us)} balls are missed"
+        what = f"Missed at {count} of {len(one.judged.asked_us)} times"
     else:
-        what = f"{count} of {len(one.judged.t_us)} answers are false"
+        what = f"{count} of {len(one.judged.t_us)} answers are wrong"
     if answer.kind == "method":
         what += f", if {html_text(answer.reference)} is right"
     more = len(stretches) - MAX_STRETCHES
-    rest = f", the {MAX_STRETCHES} longest of them" if more > 0 else ""
-    where = "in one stretch" if len(stretches) == 1 else f"in {len(stretches)} stretches"
-    places = f", {where}{rest}: choose one to show it" if stretches else ""
+    rest = f" The {MAX_STRETCHES} longest are listed." if more > 0 else ""
+    kind = "gap" if missed else "place"
+    where = f"in one {kind}" if len(stretches) == 1 else f"in {len(stretches)} {kind}s"
+    places = f", {where}.{rest} Click one to go there" if stretches else ""
     return f"<div style='font-size:12px;color:{theme.MUTED};padding:0 12px'>{what}{places}</div>"
 
 

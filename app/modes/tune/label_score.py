@@ -103,11 +103,11 @@ def label_score_html(title: str, score: LabelScore) -> str:
     head = "".join(f"<th style='text-align:left;font-weight:500;padding-right:14px'>{name}</th>" for name in titles)
     rows = "".join(_row(group) for group in (*score.groups, *score.in_time))
     noise = score.noise.by_hand.sigma_px if score.noise is not None and score.noise.by_hand.pairs else None
-    noise_text = "unknown: no label repeated by hand yet" if noise is None else f"{noise:.2f} px a coordinate"
+    noise_text = "not measured" if noise is None else f"{noise:.2f} px a coordinate"
     svg = score_svg(score.curves, f"{title}, against {score.labels} labels by {score.annotator}", noise_px=noise)
     return (
         f"<div style='font-size:12.5px;padding:4px 12px'>{html_text(title)}, against {score.labels} labels by "
-        f"{html_text(score.annotator)}; the annotator's own noise: {noise_text}"
+        f"{html_text(score.annotator)}; annotator noise: {noise_text}"
         f"<table>{head}{rows}</table><div style='margin-top:6px'>{svg}</div></div>"
     )
 

@@ -57,7 +57,7 @@ class TuneMode:
         gui = host.client.gui
         self._view = TuneViewPanel(gui, self._send)
         self._settings = SettingsPanel(gui, self._send)
-        self._compare = CompareOverTime(host, self._send, lambda width_px: self._results.make_room(width_px))
+        self._compare = CompareOverTime(host, self._send)
         self._results = ResultsPanel(gui, lambda: host.later(self._start_score), lambda: host.later(self._score.cancel))
         self._nothing = NothingFound(
             host.pool, host.later, self._failed, lambda html: self._results.candidates.show_nothing_found(html)
@@ -171,7 +171,7 @@ class TuneMode:
             (slot, state.history.present.of(slot)) for slot in slots
         )
         compared = tuple(state.config_of(method) for method in view.compared) if view.side_by_side else ()
-        key = (recording.uuid, state.camera, now_us, state.look, view, configs, compared)
+        key = (recording.uuid, state.camera, now_us, state.look, view, configs, compared, self._host.plane.free_aspect)
         if key != self._requested:
             self._requested = key
             request = self._request(state, recording, now_us, configs)
@@ -184,7 +184,8 @@ class TuneMode:
         stream, view = recording.cameras[state.camera], state.tune
         if not view.side_by_side:
             last_px = self._last_px.get(state.camera)
-            return TuneRequest(stream, now_us, state.look, view, configs, self._answers, last_px)
+            aspect = self._host.plane.free_aspect
+            return TuneRequest(stream, now_us, state.look, view, configs, self._answers, last_px, aspect)
         methods: tuple[tuple[Method, DetectorConfig], ...] = tuple(
             (method, state.config_of(method)) for method in view.compared
         )
@@ -221,15 +222,16 @@ class TuneMode:
                 self._results.candidates.show_verdicts(tuple(zip(names, answer.found, strict=True)), answer.seconds)
 
     def _sample_for(self, request: TuneRequest | MethodsRequest, answer: PictureAnswer) -> SampleRequest | None:
-        """What to sample of the recording after a window without a ball; a live one grows and is not sampled."""
+        """What to sample of the recording after a window without a ball."""
         state, recording = self._host.state, self._host.recording
-        if not isinstance(request, TuneRequest) or state is None or recording is None or state.playhead.live:
+        if not isinstance(request, TuneRequest) or state is None or recording is None:
             return None
         if any(found.detection is not None for found in answer.found):
             return None
         stream, method = request.stream, request.view.method
         key = (recording.uuid, stream.name, method, state.config_of(method))
-        return SampleRequest(key, stream, method, {name: state.config_of(name) for name in METHODS})
+        configs: dict[Method, DetectorConfig] = {name: state.config_of(name) for name in METHODS}
+        return SampleRequest(key, stream, method, configs, state.playhead.live)
 
     # Config files -------------------------------------------------------------------------------------------------
 

@@ -1,4 +1,7 @@
-"""Why a method finds no ball in a whole recording, and which other method does: from a sample, in the background."""
+"""Why a method finds no ball in a recording, or in the last seconds of a live source, and which other method does.
+
+From a sample, in the background.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +16,19 @@ from app.formatting import html_text, percent
 from app.modes.tune.results_panel import reasons_html
 from core.detection import DetectorConfig
 from core.detection.methods import Method
+from core.metrics.run import duration_of
 from core.metrics.sample import MethodSample, best_other, sample_method
 from core.recordings import CameraStream
 
 REST_S: Final = 1.5
 """A config is sampled when it has not changed for so long: not at each step of a slider."""
 KEPT: Final = 32
+REASONS: Final = 3
+"""Reasons that are named: in many recordings the first one is that most windows have nothing in them."""
+LIVE_US: Final = 5_000_000
+"""The newest part of a live source that is sampled."""
+LIVE_VALID_S: Final = 10.0
+"""A live source is sampled again when its sample is so old and there is still no ball."""
 SAME: Final[Mapping[Method, Method]] = {"paper": "auto"}
 """Methods that are not tried, as another one differs in one setting only."""
 
@@ -31,6 +41,8 @@ class SampleRequest:
     stream: CameraStream
     method: Method
     configs: Mapping[Method, DetectorConfig]
+    live: bool = False
+    """Whether the camera is of a live source, of which the last `LIVE_US` are sampled."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +51,7 @@ class SampleAnswer:
 
     sample: MethodSample
     other: MethodSample | None
+    live: bool = False
 
 
 class NothingFound:
@@ -50,6 +63,7 @@ class NothingFound:
     ) -> None:  # fmt: skip
         self._later, self._show = later, show
         self._known: OrderedDict[Hashable, SampleAnswer] = OrderedDict()
+        self._valid_until_s: dict[Hashable, float] = {}
         self._wanted: SampleRequest | None = None
         self._asked: Hashable = None
         self._since_s = 0.0
@@ -65,9 +79,13 @@ class NothingFound:
     def tick(self, wall_s: float) -> None:
         """Start the sample once the config has rested."""
         wanted = self._wanted
-        if wanted is None or wanted.key in self._known or wanted.key == self._asked or wall_s - self._since_s < REST_S:
+        if wanted is None or wanted.key == self._asked or wall_s - self._since_s < REST_S:
+            return
+        if wanted.key in self._known and wall_s < self._valid_until_s.get(wanted.key, wall_s + 1.0):
             return
         self._asked = wanted.key
+        if wanted.live:
+            self._valid_until_s[wanted.key] = wall_s + LIVE_VALID_S
         self._work.submit(wanted)
 
     def close(self) -> None:
@@ -78,9 +96,12 @@ class NothingFound:
         self._later(lambda: self._keep(request, answer))
 
     def _keep(self, request: SampleRequest, answer: SampleAnswer) -> None:
+        if request.key == self._asked:
+            self._asked = None
         self._known[request.key] = answer
         while len(self._known) > KEPT:
-            self._known.popitem(last=False)
+            oldest, _ = self._known.popitem(last=False)
+            self._valid_until_s.pop(oldest, None)
         self._refresh()
 
     def _refresh(self) -> None:
@@ -90,20 +111,26 @@ class NothingFound:
 
 def answer_sample(request: SampleRequest) -> SampleAnswer:
     """Sample the method, and the others if it finds nothing."""
-    sample = sample_method(request.stream, request.method, request.configs[request.method])
+    stream, span_us = request.stream, None
+    if request.live:
+        end_us = duration_of(stream)
+        span_us = max(0, end_us - LIVE_US), end_us
+    sample = sample_method(stream, request.method, request.configs[request.method], span_us)
     others = {name: config for name, config in request.configs.items() if name not in SAME}
-    return SampleAnswer(sample, None if sample.found else best_other(request.stream, request.method, others))
+    other = None if sample.found else best_other(stream, request.method, others, span_us)
+    return SampleAnswer(sample, other, request.live)
 
 
 def nothing_found_html(answer: SampleAnswer) -> str:
-    """Why nothing is found, with a link to the slider, and which other method finds a ball; empty if one is found."""
+    """Why nothing is found, with links to the sliders, and which other method finds a ball; empty if one is found."""
     sample, other = answer.sample, answer.other
     if sample.found or not sample.windows:
         return ""
-    text = f"<b>{html_text(sample.method)} finds no ball in a sample of {sample.windows} windows of this recording.</b>"
+    over = f"the last {1e-6 * LIVE_US:g} s" if answer.live else "this recording"
+    text = f"<b>{html_text(sample.method)} finds no ball in a sample of {sample.windows} windows of {over}.</b>"
+    shares = (f"{reasons_html((one,))} in {percent(one.windows / sample.windows)}" for one in sample.reasons[:REASONS])
     if sample.reasons:
-        first = sample.reasons[0]
-        text += f" Most often, in {percent(first.windows / sample.windows)}: {reasons_html((first,))}."
+        text += f" Most often: {', '.join(shares)}."
     if other is not None:
         text += f" <b>{html_text(other.method)}</b> finds one in {percent(other.share)}."
     return f"<div style='font-size:12.5px;padding:2px 12px'>{text}</div>"

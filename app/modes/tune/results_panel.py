@@ -14,7 +14,7 @@ from app.formatting import html_text, table_row
 from app.modes.tune.label_score import LabelScore, label_score_html
 from app.modes.tune.run_score import RunScore, run_score_row, run_scores_html
 from app.modes.tune.settings import setting_anchor, stage_counts_html
-from app.panels.keys import float_below_pictures, place_below_pictures
+from app.panels.keys import place_below_pictures
 from app.pictures.palette import palette
 from app.views.requests import is_wrong
 from app.views.stage_picture import KIND_INK, cluster_colour_index
@@ -34,18 +34,18 @@ class ScorePanel:
 
     def __init__(self, gui: viser.GuiApi, start: Callable[[], None], cancel: Callable[[], None]) -> None:
         self._gui = gui
-        self._start = gui.add_button("Score this config on the whole recording", icon=viser.Icon.TARGET)
-        self._cancel = gui.add_button("Cancel", icon=viser.Icon.X, visible=False)
-        self._progress = gui.add_progress_bar(0.0, visible=False)
-        self._table = gui.add_html(stage_counts_html("not scored yet"))
         self._labels = gui.add_html("", visible=False)
+        self._table = gui.add_html(stage_counts_html("No score yet"))
+        self._progress = gui.add_progress_bar(0.0, visible=False)
+        self._start = gui.add_button("Score this config on the whole recording", icon=viser.Icon.TARGET, color="teal")
+        self._cancel = gui.add_button("Cancel", icon=viser.Icon.X, visible=False)
         self._delay = gui.add_number(
-            "Delay of my system [ms]",
+            "Extra latency [ms]",
             0.0,
             min=0.0,
             max=MAX_DELAY_MS,
             step=0.5,
-            hint="What an answer takes besides computing: cables, the network, the robot. For the score in time",
+            hint="Time from cable, network and robot, added to the computing time in the Live columns",
         )
         self._runs: list[tuple[str, RunScore]] = []
         when_changed(self._delay, lambda _: self._show_runs())
@@ -105,7 +105,7 @@ class CandidatesTable:
 
     def __init__(self, gui: viser.GuiApi) -> None:
         self._nothing = gui.add_html("", visible=False)
-        self._table = gui.add_html(stage_counts_html("computing the first window"))
+        self._table = gui.add_html(stage_counts_html("Computing the first window ..."))
 
     def show(
         self,
@@ -169,7 +169,9 @@ def verdict_html(title: str, answer: WindowAnswer, distance_px: float | None = N
     reasons = () if answer.trace is None else answer.trace.reasons
     lines += [reasons_html(reasons)] if reasons else []
     lines += answer_facts(answer)
-    lines.append(f"{answer.method} has processed the {answer.lead_in_windows} windows before")
+    before = answer.lead_in_windows
+    used = f"{before} earlier windows used" if before else "No earlier windows used (start of the recording)"
+    lines.append(f"{answer.method}: {used}")
     return "<div style='font-size:12.5px;padding:4px 12px'>" + "<br>".join(lines) + "</div>"
 
 
@@ -222,7 +224,7 @@ def candidates_html(
     verdict = _verdict(trace.detection, distance_px)
     ordered = sorted(trace.candidates, key=lambda one: (one.label != picked, bool(one.reasons), -one.order))
     titles = ("", trace.noun, *trace.titles, "verdict")
-    head = table_row(titles, f"{CELL};text-align:left;font-weight:500;color:{theme.MUTED}", tag="th")
+    head = table_row(titles, f"{CELL};padding-right:6px;text-align:left;font-weight:500;color:{theme.MUTED}", tag="th")
     rows = "".join(_candidate_row(candidate, candidate.label == picked) for candidate in ordered[:LISTED])
     more = f"<div>and {len(ordered) - LISTED} more</div>" if len(ordered) > LISTED else ""
     label = f"{html_text(name)}: " if name else ""
@@ -233,7 +235,8 @@ def candidates_html(
     shown = next((one for one in ordered if one.residuals is not None), None)
     plot = residuals_html(trace.noun, shown.label, shown.residuals) if shown is not None and shown.residuals else ""
     table = f"<table style='width:100%;border-spacing:0'>{head}{rows}</table>"
-    return f"<div style='{TIGHT}'>{summary}{table}{more}{plot}</div>"
+    rows_html = f"<div style='flex:1;min-width:0'>{summary}{table}{more}</div>"
+    return f"<div style='{TIGHT};display:flex;gap:12px'>{rows_html}{plot}</div>"
 
 
 def reasons_html(reasons: Sequence[Reason | ReasonCount]) -> str:
@@ -262,8 +265,8 @@ def _candidate_row(candidate: CandidateRow, picked: bool) -> str:
     return table_row(cells, CELL, row_style="background:rgba(255,140,40,0.25)" if picked else "")
 
 
-PLOT_PX: Final = (420, 74)
-"""Width and height of the plot of residuals."""
+PLOT_PX: Final = (250, 70)
+"""Width and height of the plot of residuals: with its title it is as high as the rows of the panel."""
 PLOT_SPAN_PX: Final = 2.5
 """Residual at its upper edge: the width of the band of edge points."""
 PLOTTED: Final = 400
@@ -271,7 +274,10 @@ PLOTTED: Final = 400
 
 
 def residuals_html(noun: str, label: int, residuals: Residuals) -> str:
-    """A small plot of the edge points' distances from the circle over their direction, and the limit of their rms."""
+    """A small plot of the edge points' distances from the circle over their direction, and the limit of their rms.
+
+    It stays beside the rows while they scroll: below them it was out of sight in a window of 720 px.
+    """
     width, height = PLOT_PX
     every = max(1, len(residuals.angle_rad) // PLOTTED)
     x = (residuals.angle_rad[::every] / (2 * np.pi) + 0.5) * width
@@ -289,13 +295,15 @@ def residuals_html(noun: str, label: int, residuals: Residuals) -> str:
             ((0.5 + residuals.limit_px / PLOT_SPAN_PX / 2) * height, "3 3"),
         )
     )
-    text = (
-        f"residuals of {noun} {label} [±{PLOT_SPAN_PX:g} px] over the direction from its motion, -180° to 180°; "
+    legend = (
+        "distance of the edge points from the circle, over their direction from its motion, -180° to 180°; "
         "green leading, blue trailing edge, red outliers; dashed: the limit of their rms"
     )
     return (
-        f"<div style='color:{theme.MUTED}'>{text}</div><svg width='{width}' height='{height}' role='img' "
-        f"aria-label='residuals'>{limits}{dots}</svg>"
+        f"<div style='flex:none;position:sticky;top:0;align-self:flex-start;width:{width}px' title='{legend}'>"
+        f"<div style='color:{theme.MUTED};font-size:11px'>residuals of {noun} {label}, ±{PLOT_SPAN_PX:g} px, "
+        f"-180° to 180°</div><svg width='{width}' height='{height}' role='img' "
+        f"aria-label='residuals: {legend}' style='display:block'>{limits}{dots}</svg></div>"
     )
 
 
@@ -309,15 +317,8 @@ class ResultsPanel:
         with self.panel.add_tab("Score", viser.Icon.TARGET):
             self.score = ScorePanel(gui, start_score, cancel_score)
         with self.panel.add_tab("Auto-tune", viser.Icon.WAND):
-            self._tuned = gui.add_html(stage_counts_html("no tuning yet: open Auto-tune on the right"))
+            self._tuned = gui.add_html(stage_counts_html("No result yet. Start Auto-tune in the panel on the right"))
         place_below_pictures(gui, self.panel)
-        self._taken_px = 0
-
-    def make_room(self, width_px: int) -> None:
-        """Leave this much of the window's width free at the left."""
-        if width_px != self._taken_px:
-            self._taken_px = width_px
-            float_below_pictures(self.panel, narrower_px=width_px)
 
     def show_tuned(self, content: str) -> None:
         """Show the result of automatic tuning."""

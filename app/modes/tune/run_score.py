@@ -55,15 +55,15 @@ def run_scores_html(rows: list[str]) -> str:
     """The table of scores."""
     titles = (
         *("", "precision", "recall", "median error", "p95", "found", "missed", "false"),
-        *("in time: age", "recall", "error held", "moved on"),
+        *("Live: age of answer", "recall", "error", "error extrapolated"),
     )
     head = table_row(titles, "text-align:left;font-weight:500", tag="th")
     return (
         "<div style='font-size:12.5px;padding:4px 12px'>"
         f"<table style='width:100%'>{head}{''.join(rows)}</table>"
         "Counted as in Compare over time: every millisecond with the whole ball in view for 10 ms asks for a ball, "
-        "which is found within 8 px of the truth at the answer's own time. In time: the newest answer that has "
-        "arrived by then, its median age and error where it was and moved on by the ball's velocity.</div>"
+        "which is found within 8 px of the truth at the answer's own time. Live: the newest answer that a robot would "
+        "have; its median age, its median error as it is, and extrapolated with the ball's velocity.</div>"
     )
 
 

@@ -245,7 +245,7 @@ class TuneViewPanel:
             self._camera = Listing(gui, "Camera", lambda name: send(SetCamera(name)))
             self._stage = Choice(
                 gui, "Stage", VIEWS[DEFAULT_METHOD], lambda value: send(SetOverlay(value)),
-                hint="What each stage keeps; keys 1 to 7",
+                hint="Shows what each stage keeps; keys 1 to 7",
             )  # fmt: skip
             self._zoom = gui.add_slider("Zoom", *ZOOM_RANGE, 0.5, 1.0, hint="Click into the picture to centre it there")
             self._follow = gui.add_button("Follow the ball", icon=viser.Icon.FOCUS_2)

@@ -25,6 +25,8 @@ SHOWN: Final = 300
 """Number of newest balls in the chart."""
 RANGE_MM: Final = (1.0, 2000.0)
 """Range of the logarithmic chart; values beyond it, or unknown, are drawn at its edge."""
+SCRATCH: Final = "scratch"
+"""How a start without a policy is shown."""
 STYLE: Final = "font-size:12.5px;padding:2px 12px;line-height:1.45"
 
 
@@ -37,7 +39,8 @@ def learning_html(progress: LearningProgress | None, *, on: bool) -> str:
     """HTML of the progress; empty before learning began."""
     if progress is None:
         return ""
-    lines = [f"<b>{balls_text(progress.learned)} learned from</b>, started from {html_text(progress.start)}"]
+    start = SCRATCH if progress.start == NOTHING else progress.start
+    lines = [f"<b>{balls_text(progress.learned)} learned from</b>, started from {html_text(start)}"]
     if progress.balls:
         back, of = progress.returned_lately
         _, medians = progress.errors_mm()
@@ -45,7 +48,7 @@ def learning_html(progress: LearningProgress | None, *, on: bool) -> str:
         lines.append(f"last {of}: {back} returned, landing error {median} (median)")
         lines.append(f"all {len(progress.balls)}: {progress.returned} returned")
         if progress.balls[-1].random:
-            lines.append("random strokes so far, to explore")
+            lines.append("random strokes so far (exploration)")
     if not on:
         lines.append("another controller plays: not learning now")
     if progress.problem:
@@ -91,7 +94,7 @@ class LearningPanel:
         with self._folder:
             hint = "Each stroke with a known outcome improves the policy"
             self._learn = gui.add_checkbox(LEARN, False, hint=hint, disabled=bool(learning.reason))
-            self._start = Listing(gui, "Start from", lambda _: None, hint="Policy to start from, also after a reset")
+            self._start = Listing(gui, "Start from", lambda _: None, hint="Policy to begin with, also after a reset")
             self._start.visible = not learning.reason
             self._status = gui.add_html(reason_html(learning.reason) if learning.reason else "")
             self._room = gui.add_folder(None, visible=False)
@@ -99,10 +102,10 @@ class LearningPanel:
                 gui.add_html(chart_title_html())
                 self._chart_place = gui.add_folder(None)
                 self._reset = gui.add_button(
-                    RESET, icon=viser.Icon.RESTORE, hint="Discards the learned policy, for all browsers"
+                    RESET, icon=viser.Icon.RESTORE, hint="Discards the learned policy for all browsers"
                 )
                 self._save = gui.add_button(
-                    SAVE, icon=viser.Icon.DEVICE_FLOPPY, hint="To choose it as controller later"
+                    SAVE, icon=viser.Icon.DEVICE_FLOPPY, hint="You can choose it as controller later"
                 )
         when_changed(self._learn, lambda on: do_in_pool(host, self._begin if on else learning.stop))
         when_clicked(self._reset, lambda: do_in_pool(host, self._begin_anew))
@@ -164,17 +167,24 @@ class LearningPanel:
 
     def _begin(self) -> None:
         workspace = self._host.services.workspace
-        self._rally.learning.begin(learning_start(workspace, self._start.chosen or NOTHING))
+        self._rally.learning.begin(learning_start(workspace, self._chosen_start))
 
     def _begin_anew(self) -> None:
         workspace = self._host.services.workspace
-        self._rally.learning.reset(learning_start(workspace, self._start.chosen or NOTHING))
+        self._rally.learning.reset(learning_start(workspace, self._chosen_start))
 
     def _save_run(self) -> None:
         name = self._host.services.trainer.free_name("learned-live")
         self._rally.learning.save(self._host.services.workspace.run_path(name))
         self._host.later(lambda: self._host.note("Saved", f"{name}: choose it as controller", "green"))
 
+    @property
+    def _chosen_start(self) -> str:
+        """Name of the chosen run, or `NOTHING`."""
+        chosen = self._start.chosen
+        return NOTHING if chosen is None or chosen == SCRATCH else chosen
+
     def _find_starts(self) -> None:
         starts = start_choices(self._host.services.workspace)
-        self._host.later(lambda: self._start.offer(starts))
+        shown = tuple(SCRATCH if start == NOTHING else start for start in starts)
+        self._host.later(lambda: self._start.offer(shown))

@@ -49,7 +49,7 @@ def _row(rate: ReturnRate) -> str:
     return f"<tr><td>{who} · {where}</td><td style='{CELL}'>{counted}</td></tr>"
 
 
-STOP, RUN, STEP = "Stop the clock", "Run", "Step 10 ms"
+STOP, RUN, STEP = "Pause", "Run", "+10 ms"
 PACES: Final = {"real time": 1.0, "1/2": 0.5, "1/4": 0.25, "1/10": 0.1, "1/50": 0.02}
 SPEEDS_MPS: Final = (3.0, 9.0)
 NOISE_HZ: Final = (0.0, 5.0)
@@ -67,15 +67,17 @@ class SimulationPanel:
         self._host = host
         self._folder = gui.add_folder("Simulation (shared by all browsers)")
         with self._folder:
-            self._serve = gui.add_button("Serve", icon=viser.Icon.PING_PONG, hint="A ball at the chosen speed")
+            self._serve = gui.add_button(
+                "Serve", icon=viser.Icon.PING_PONG, color="teal", hint="A ball at the chosen speed"
+            )
             self._speed = gui.add_slider("Serve speed [m/s]", *SPEEDS_MPS, 0.5, 5.0)
             self._auto = gui.add_checkbox("Auto-serve", True, hint=tooltip("Auto-serve"))
-            self._pause = gui.add_button_group("Clock", (STOP, RUN, STEP), hint=f"Step: one block. {tooltip('Block')}")
+            self._pause = gui.add_button_group(
+                "Simulation", (STOP, RUN, STEP), hint=f"+10 ms: one block. {tooltip('Block')}"
+            )
             self._record = RecordButton(gui, rally, host)
             self._pace = gui.add_dropdown("Pace", tuple(PACES), hint=tooltip("Pace"))
-            self._scene = gui.add_dropdown(
-                "Scene", tuple(SCENES), hint="What the cameras see; people take more computing time"
-            )
+            self._scene = gui.add_dropdown("Scene", tuple(SCENES), hint="Scenes with people need more computing time")
             self._controller = Listing(gui, "Controller", self._use, hint="Built in, learning, or a trained policy")
             with gui.add_folder("Noise and landing target", expand_by_default=False):
                 self._noise = gui.add_slider(
@@ -85,7 +87,7 @@ class SimulationPanel:
                 self._goal_y = gui.add_slider("Target y [m]", *GOAL_Y_M, 0.05, 0.0, hint="From the middle line")
             with gui.add_folder("Returned"):
                 self._returned = gui.add_html(returned_html(()))
-                self._count_anew = gui.add_button("Count anew", icon=viser.Icon.REFRESH, hint="For all browsers")
+                self._count_anew = gui.add_button("Reset counts", icon=viser.Icon.REFRESH, hint="For all browsers")
         when_clicked(self._count_anew, rally.reset_counts)
         when_clicked(self._serve, lambda: self._ask(lambda: client.serve(self._speed.value)))
         when_changed(self._speed, lambda _: self._auto_serve() if self._auto.value else None)

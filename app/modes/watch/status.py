@@ -33,7 +33,7 @@ def drift_row(report: DriftReport) -> tuple[str, str]:
         if report.points >= report.needed:
             message = "unknown: the cameras see different objects"
             return "Calibration", coloured(theme.WARN, f"{message}. {REMEDY}" if report.alarm else message)
-        message = f"unknown yet, after {report.points} of {report.needed} points of the ball"
+        message = f"Not yet known ({report.points} of {report.needed} points)"
         return "Calibration", muted(message)
     if report.alarm:
         return "Calibration", coloured(theme.BAD, f"{drift_words(report)}. {REMEDY}")
@@ -50,6 +50,15 @@ def drift_words(report: DriftReport) -> str:
     return f"The calibration{names} has drifted{how_far}"
 
 
+CHANGING = (
+    "Ball speed",
+    "Hit at",
+    "Stereo mismatch",
+    "Placed by",
+    "Hit predicted before the bounce",
+    "Hit predicted after the bounce",
+)
+"""Rows that stay without a value: in every flight they come and go, and the others would move."""
 READ_US: Final = 1_000_000
 """The prediction of a hit is shown this long after it."""
 STAGES: Final = {"pre": "before the bounce", "post": "after the bounce"}
@@ -97,7 +106,7 @@ def moment_html(
         rows += [("Last stroke, as seen", _last(moment.outcomes)), ("Strokes, as seen", _balls(moment.outcomes))]
     if followed < 1:
         rows.append(("Followed", muted(f"has processed {percent(followed)} of the recording")))
-    return figures_html(rows)
+    return figures_html([row for row in rows if row[1] != "-" or row[0] in CHANGING])
 
 
 def live_html(snapshot: RallySnapshot, state: WorldState, status: str, cameras: tuple[CameraHealth, ...] = ()) -> str:

@@ -153,7 +153,7 @@ class TablePanel:
             self._undo = gui.add_button("Undo the click", icon=viser.Icon.ARROW_BACK_UP)
             self._forget = gui.add_button("Remove all clicks", icon=viser.Icon.ERASER)
             hint = "Saved as a new calibration; a live source uses it at once"
-            self._use = gui.add_button("Use these poses", icon=viser.Icon.CHECK, hint=hint)
+            self._use = gui.add_button("Use these poses", icon=viser.Icon.CHECK, color="teal", hint=hint)
         when_changed(self._active, lambda on: host.send(LetTableBeClicked(bool(on))))
         when_changed(self._corner, lambda html: host.send(ChooseTableCorner(str(html).partition(" ")[2])))
         when_clicked(self._undo, lambda: host.send(UndoTableCorner()))

@@ -6,7 +6,7 @@
   dialog.setAttribute("aria-labelledby", "rallyscope-files-title");
   dialog.innerHTML = `
     <h2 id="rallyscope-files-title">Open file</h2>
-    <p>Drop one anywhere on this page (up to 200 MB), or <button type="button" data-do="choose">choose one of this computer</button>
+    <p>Drop one anywhere on this page (up to 200 MB), or <button type="button" data-do="choose">Choose a file ...</button>
       <input type="file" aria-label="File of this computer" tabindex="-1" hidden></p>
     <input type="search" aria-label="Search the files" placeholder="Search" autocomplete="off" hidden>
     <ul aria-label="Files of the server"></ul>

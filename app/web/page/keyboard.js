@@ -4,8 +4,7 @@
 //
 // The other way round, viser hears no key while a box, a choice or a list has the focus, as after every click on one. So
 // keys that mean nothing there are said again where it listens. A list in which something was chosen by the mouse, or that
-// was closed by Escape after a click, gives the focus back: its field takes letters, to search with. A box brings a number
-// inside its bounds when it is left; Enter says as clearly that it is meant.
+// was closed by Escape after a click, gives the focus back: its field takes letters, to search with. Fields: see fields.js.
 {
   const MEANT = new Set([" ", "Enter", "ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "Home", "End", "Escape"]);
   const BUTTONS = "button, a[href], summary, input[type=checkbox], [role=button], [role=tab], [role=switch]";
@@ -29,12 +28,6 @@
     else setTimeout(leaveList, 20, after, tries - 1);
   };
 
-  const leaveNumber = (event) => {
-    const box = event.target;
-    if (event.key === "Enter" && box instanceof Element && box.matches("input[class*=mantine-NumberInput]")) setTimeout(() => box.blur());
-  };
-  addEventListener("keydown", leaveNumber, true);
-
   const sayAgain = (event) => {
     if (!isForApp(event)) return;
     event.preventDefault();
@@ -55,5 +48,17 @@
     document.body.addEventListener("click", (event) => {
       if (clicked && event.target.closest("[role=option]")) setTimeout(leaveList, 0, clicked);
     });
+  });
+
+  // A key that nothing takes says so: viser's page and ours have stopped or answered all that mean something.
+  let keys = { mode: "", moves_camera: true };
+  rallyscope.handlers.keys = (message) => { keys = message; };
+  const MEANS_MORE = "input:not([type=checkbox]), textarea, select, [contenteditable], [role=combobox], [class*=mantine-Modal-content], [class*=Spotlight], dialog";
+  addEventListener("keydown", (event) => {
+    if (event.defaultPrevented || event.isComposing || event.repeat || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (!keys.mode || !/^\S$/u.test(event.key) || event.target.closest?.(MEANS_MORE)) return;
+    if (keys.moves_camera && /^Key[WASDQE]$/.test(event.code)) return;
+    const name = (event.shiftKey && /\p{L}/u.test(event.key) ? "Shift " : "") + event.key.toUpperCase();
+    rallyscope.showLine(`Key ${name} does nothing in ${keys.mode}. The keys are listed under Keys.`);
   });
 }

@@ -19,7 +19,8 @@
       <button data-do="on" title="One step on (→)" aria-label="+1">+1</button>
       <button data-do="on10" title="Ten steps forward (Shift+→)" aria-label="+10">+10</button>
       <button data-do="end" title="To the end (End)" aria-label="To the end">${ICONS.end}</button>
-      <label>Time [µs] <input id="rallyscope-time" inputmode="numeric" autocomplete="off"></label>
+      <label>Time <input id="rallyscope-time" autocomplete="off" title="h:mm:ss.mmm, seconds with a point (1.25), or whole microseconds"></label>
+      <span id="rallyscope-us"></span>
       <label>Speed <select id="rallyscope-speed"></select></label>
       <label>Step <select id="rallyscope-step"></select></label>
       <button data-do="previous" title="To the previous mark, bounce, hit or miss ([)" aria-label="Previous mark">${ICONS.previous}</button>
@@ -57,7 +58,19 @@
   const toX = (t) => { const [a, b] = range(); return ((t - a) / (b - a)) * canvas.clientWidth; };
   const toTime = (x) => { const [a, b] = range(); return Math.round(a + (x / canvas.clientWidth) * (b - a)); };
   const words = (name) => name.replaceAll("_", " ");
-  const seconds = (t) => `${(t / 1e6).toFixed(t % 1000 ? 6 : 3)} s`;
+  const clock = (t) => { // h:mm:ss.mmm, µs rounded down
+    const ms = Math.floor(t / 1000), two = (value) => String(value).padStart(2, "0");
+    return `${Math.floor(ms / 3_600_000)}:${two(Math.floor(ms / 60_000) % 60)}:${two(Math.floor(ms / 1000) % 60)}.${String(ms % 1000).padStart(3, "0")}`;
+  };
+  const micros = (t) => `${t} µs`;
+  const timeOf = (text) => { // µs; NaN if it is no time
+    const clean = text.trim().replace(",", ".");
+    if (/^\d+$/.test(clean)) return Number(clean);
+    const found = /^(?:(?:(\d+):)?([0-5]?\d):)?(\d+)(\.\d{1,6})?$/.exec(clean);
+    if (!found || (found[2] && Number(found[3]) > 59)) return NaN;
+    const [, hours = 0, minutes = 0, whole, part = ""] = found;
+    return ((Number(hours) * 60 + Number(minutes)) * 60 + Number(whole)) * 1e6 + Number(part.slice(1).padEnd(6, "0"));
+  };
 
   // Drawing ---------------------------------------------------------------------------------------------------
 
@@ -132,11 +145,12 @@
 
   const showTime = () => {
     const t = Math.round(position());
-    if (document.activeElement !== time) time.value = t;
+    if (document.activeElement !== time) time.value = clock(t);
+    find("#rallyscope-us").textContent = micros(t);
     canvas.setAttribute("aria-valuemin", Math.round(range()[0]));
     canvas.setAttribute("aria-valuemax", Math.round(range()[1]));
     canvas.setAttribute("aria-valuenow", t);
-    canvas.setAttribute("aria-valuetext", seconds(t));
+    canvas.setAttribute("aria-valuetext", `${clock(t)}, ${micros(t)}`);
   };
 
   const fill = (select, options, chosen) => {
@@ -234,10 +248,13 @@
     const pressed = event.target.closest("[data-do]");
     if (pressed) act(pressed.dataset.do);
   });
-  time.addEventListener("change", () => {
-    const t = Number(time.value.replace(/[^0-9.-]/g, ""));
-    if (Number.isFinite(t)) ask("seek", Math.round(t));
+  rallyscope.ownField(time, (text) => {
+    const t = timeOf(text), [first, last] = now.live ? [now.start, now.end] : [0, now.end];
+    if (Number.isNaN(t)) throw new Error(`"${text}" is no time. Expected h:mm:ss.mmm, seconds as 1.25, or whole microseconds. The cursor stays.`);
+    if (t < first || t > last) throw new Error(`${clock(t)} is outside this recording: it goes from ${clock(first)} to ${clock(last)}. The cursor stays.`);
+    ask("seek", t);
   });
+  time.addEventListener("blur", () => { if (now) showTime(); });
   find("#rallyscope-speed").addEventListener("change", (event) => ask("speed", Number(event.target.value)));
   find("#rallyscope-step").addEventListener("change", (event) => ask("step_us", Number(event.target.value)));
 
@@ -292,7 +309,7 @@
       const value = rate[Math.floor((t / tracks.duration) * rate.length)];
       if (value !== undefined) said.push(`${name} ${((value / 255) * tracks.top_hz / 1e6).toFixed(2)} Mev/s`);
     }
-    tip.textContent = [seconds(t), ...said].join(" · ");
+    tip.textContent = [clock(t), micros(t), ...said].join(" · ");
     tip.hidden = false;
     tip.style.left = `${Math.min(event.offsetX + 12, canvas.clientWidth - tip.offsetWidth)}px`;
   };

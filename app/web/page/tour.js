@@ -79,7 +79,8 @@
     tour = null;
     card.hidden = frame.hidden = true;
     clearInterval(ticker);
-    if (before && before.isConnected && (card.contains(document.activeElement) || document.activeElement === document.body)) before.focus({ preventScroll: true });
+    if (before && before.isConnected && !before.matches("[data-rallyscope=tour]") && // or Space would show it again, and not play
+       (card.contains(document.activeElement) || document.activeElement === document.body)) before.focus({ preventScroll: true });
   };
 
   let heard = 0;

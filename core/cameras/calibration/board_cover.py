@@ -26,7 +26,7 @@ ROWS: Final = ("upper", "middle", "lower")
 COLUMNS: Final = ("left", "middle", "right")
 
 NEAREST_M, FARTHEST_M = 0.05, 15.0
-"""Of a board whose points can be found."""
+"""Distances of a board whose points can be found."""
 SPACING_UNITS = ((10.0, "centimetres"), (1000.0, "metres"), (1e-3, "micrometres"))
 """What the board's distance is multiplied by if its spacing was in that unit."""
 
@@ -71,21 +71,21 @@ def odd_spacing(cover: BoardCover) -> str | None:
 
 def missing_for_lens(cover: BoardCover) -> tuple[str, ...]:
     """What more pictures should show, in plain words and most important first; nothing if all was seen."""
-    said: list[str] = []
+    advice: list[str] = []
     empty = [ninth for ninth, share in _empty_shares(np.flatnonzero(cover.cells == 0).tolist()) if share > 0.5]
     if empty:
-        said.append(f"the board {_listed([ninth_words(ninth) for ninth in empty])} of the picture")
+        advice.append(f"the board {_listed([ninth_words(ninth) for ninth in empty])} of the picture")
     if len(cover.tilts_deg):
         for column, words in enumerate((("its right edge", "its left edge"), ("its lower edge", "its upper edge"))):
             most, least = cover.tilts_deg[:, column].max(), cover.tilts_deg[:, column].min()
             wanted = [word for word, seen in zip(words, (most, -least), strict=True) if seen < TILT_WANTED_DEG]
             if wanted:
-                said.append(f"the board with {_listed(wanted)} farther away, by {TILT_WANTED_DEG:.0f} to 40 degrees")
+                advice.append(f"the board with {_listed(wanted)} farther away, by {TILT_WANTED_DEG:.0f} to 40 degrees")
         if cover.distances_m.max() < DISTANCES_WANTED * cover.distances_m.min():
-            said.append("other distances, near and far")
+            advice.append("other distances, near and far")
     if (count := len(cover.tilts_deg)) < PICTURES_WANTED:
-        said.append(f"more pictures: {PICTURES_WANTED} or more, here are {count}")
-    return tuple(said)
+        advice.append(f"more pictures: {PICTURES_WANTED} or more, here are {count}")
+    return tuple(advice)
 
 
 def emptiest_ninth(cells: Iterable[int]) -> tuple[int, int]:

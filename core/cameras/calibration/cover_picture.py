@@ -10,7 +10,7 @@ from core.cameras.calibration.residual_picture import BELOW, CHART, DOT, GRID, P
 from core.events import SensorSize
 
 REACH_DEG: Final = 60.0
-"""Of the chart of tilts, to each side; what is beyond is drawn on the rim."""
+"""Range of the chart of tilts to each side; what is beyond is drawn on the rim."""
 FULL: Final = 5
 """Pictures from which a cell is drawn as bright as can be."""
 GAP: Final = 2.5

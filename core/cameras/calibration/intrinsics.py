@@ -63,7 +63,7 @@ class Lens:
     rms_px: float
     """Over the points of the pictures that were used."""
     fits: tuple[ViewFit, ...]
-    """Of all pictures with a board, in their order."""
+    """One for each picture with a board, in their order."""
     coverage: float
     """Share of the picture's cells (8 x 6) with a point of the board in them."""
 

@@ -22,10 +22,10 @@ Array = NDArray[np.float64]
 POINTS_AT_LEAST: Final = 30
 SEARCH_POINTS: Final = 300
 SEARCH_ROUNDS: Final = 60
-"""Of RANSAC at each offset; at the best one it goes on."""
+"""Rounds of RANSAC at each offset; at the best one it goes on."""
 ROUNDS: Final = 2000
 FLAT_SHARE: Final = 0.9
-"""Of the sightings; when so many are on one plane (a homography explains them) a mirrored pose fits as well."""
+"""Share of the sightings; when so many are on one plane (a homography explains them) a mirrored pose fits as well."""
 THRESHOLD_PX: Final = 3.0
 """Distance from the epipolar line of a sighting that agrees, wide because the offset is searched in steps."""
 

@@ -15,7 +15,7 @@ from core.events import SensorSize
 Array = NDArray[np.float64]
 
 WIDTH: Final = 420
-"""Of a camera's picture."""
+"""Width of a camera's panel, px."""
 TOP, LEFT, GAP, BELOW, CHART = 52, 20, 40, 34, 130
 ARROW: Final = 12.0
 """Drawn length of a median residual."""
@@ -70,9 +70,9 @@ def _strokes(panel: ResidualPanel, x0: int, height: float, magnify: float, sizes
     scale = WIDTH / panel.sensor.width_px
     rms = float(np.sqrt((sizes**2).mean())) if len(sizes) else float("nan")
     out = int((~panel.used).sum())
-    said = f"{panel.name}: {len(sizes)} points, {out} left out, rms {rms:.3f} px; drawn x {magnify / scale:.0f}"
+    caption = f"{panel.name}: {len(sizes)} points, {out} left out, rms {rms:.3f} px; drawn x {magnify / scale:.0f}"
     parts = [
-        f"<text x='{x0}' y='{TOP - 8}'>{escape(said)}</text>",
+        f"<text x='{x0}' y='{TOP - 8}'>{escape(caption)}</text>",
         f"<svg x='{x0}' y='{TOP}' width='{WIDTH}' height='{height:.1f}'>",
         f"<rect width='{WIDTH}' height='{height:.1f}' fill='{PAPER}' stroke='{GRID}'/>",
     ]

@@ -35,7 +35,8 @@ Array = NDArray[np.float64]
 SPIN_ROUNDS: Final = 2
 """The Magnus force on the way back to the bounce depends on the spin that is wanted."""
 STEP_S: Final = 0.02
-"""Of the flight with air: four times the simulation's own step, 0.1 mm at the landing, and within the time."""
+"""Integration step of the flight with air: four times the simulation's own step, 0.1 mm at the landing, and within the
+time."""
 START_TILT_RAD: Final = -0.07
 """Tilt of the face from which the solver starts: 4 degrees up, which returns most balls."""
 

@@ -20,7 +20,7 @@ class RacketDecision:
     t_us: int = 0
     """End of the window that led to it; 0 from a controller, which knows of no windows."""
     stage: Stage
-    """Of the prediction it answers."""
+    """Stage of the prediction it answers."""
     state: Array
     """(6,) predicted p_c and v_c at the hitting plane; NaN where a recording does not say."""
     goal_m: Array

@@ -65,7 +65,7 @@ class CommandLatency:
 
     mean_s: float
     sigma_s: float
-    """Of the mean."""
+    """Standard deviation of the mean."""
     jitter_s: float
     """Standard deviation from command to command."""
     steps: int

@@ -27,7 +27,7 @@ ROUNDS: Final = 30
 DONE_M: Final = 1e-4
 """A round that moves the wanted quantities by less is the last one."""
 HEIGHT_WEIGHT: Final = 0.3
-"""Of the height at the net against the landing point, where both cannot be had."""
+"""Weight of the height at the net against the landing point, where both cannot be had."""
 PROBE: Final = (1e-5, 1e-5, 1e-4)
 """Steps of the finite differences: rad, rad, m/s."""
 GRID: Final = (9, 3, 10)
@@ -70,7 +70,7 @@ class StrokeSolution(NamedTuple):
     net_z_m: float
     """Height of the ball's centre over the net plane."""
     evaluations: int
-    """Of the forward model."""
+    """Number of evaluations of the forward model."""
 
 
 @njit

@@ -6,15 +6,21 @@ import math
 from collections.abc import Sequence
 from typing import Final, Literal, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from core.detection.reasons import Limit, Reason, failed_limits
 from core.detection.refined.ball_fit import FEWEST_EVENTS, FEWEST_POINTS, Quality
 from core.detection.refined.history import Recent
 from core.detection.refined.patch import MovingCircle
+from core.detection.refined.search import CELL_PX
 from core.detection.refined.track import BallTrack, fit_limits, fit_values
 from core.detection.refined_config import RefinedConfig
 
 Origin = Literal["blob", "track", "bounce"]
 """What a fit starts from: a blob of the search, a track's prediction, or that with a bounce."""
+BLOB_SIDE: Final = 4.0
+"""Times the largest radius of a ball that the longest side of a blob may have: the ball and its way."""
 START_RADIUS: Final = (0.6, 1.5)
 """Times the smallest and the largest radius of a ball that the first estimate of one may have."""
 
@@ -80,18 +86,22 @@ def _start_limits(config: RefinedConfig) -> tuple[Limit, ...]:
 def reasons_without_ball(
     end_us: int,
     recent: Recent,
-    blobs: int,
+    blobs: int | tuple[Reason, ...],
     refused: Sequence[Attempt],
     tracks: Sequence[BallTrack],
+    given_up: Sequence[BallTrack],
     config: RefinedConfig,
     brighter: float,
 ) -> tuple[Reason, ...]:
     """Why a window has no ball: the limits that its nearest candidate failed.
 
-    The nearest one is a track that was fitted but lacks something to be a ball, the one that lacks least; else the
-    refused fit with the fewest failed limits, and of these the most edge points; else a refused first estimate; else
-    there was nothing to fit.
+    The nearest one is a track that was fitted but given up; else a fitted one that lacks something to be a ball, the
+    one that lacks least; else the refused fit with the fewest failed limits, and of these the most edge points; else a
+    refused first estimate; else there was nothing to fit. `blobs` is how many there are, or why there is none.
     """
+    for track in given_up:
+        if track.end_us == end_us:
+            return track.given_up()
     fitted = [track.missing(config, brighter) for track in tracks if track.end_us == end_us and not track.confirmed]
     if fitted:
         return min(fitted, key=len)
@@ -101,9 +111,28 @@ def reasons_without_ball(
         return (Reason("events in the history", None, 0, 1),)
     if any(track.confirmed for track in tracks):
         return (Reason("the ball is expected outside the picture"),)
-    if not blobs:
-        return (Reason("blobs of moving pixels", None, 0, 1),)
-    return (Reason("blobs wait to be examined", None, blobs, None),)
+    if isinstance(blobs, tuple):
+        return blobs
+    if len(tracks) >= config.tracks_max:
+        taken = f"all {len(tracks)} places for candidates are taken"
+        return (Reason("candidates", "refined.tracks_max", len(tracks), config.tracks_max, sentence=taken),)
+    return (Reason("blobs wait to be examined", "refined.trials_max", blobs, config.trials_max),)
+
+
+def blob_reasons(rejected: NDArray[np.float64], config: RefinedConfig) -> tuple[Reason, ...]:
+    """Why a search found no blob, from the largest one that was beyond a limit (see `Blobs.rejected`).
+
+    Without one, no pixels survive.
+    """
+    _, _, width, height, cells, _ = rejected.tolist()
+    if not cells:
+        return (Reason("blobs of moving pixels", "refined.neighbours_min", 0, 1),)
+    longer, shorter, inf = max(width, height), min(width, height), math.inf
+    limits = (
+        Limit("side of the blob", "refined.radius_max_px", -inf, BLOB_SIDE * config.radius_max_px, "px"),
+        Limit("elongation of the blob", "refined.blob_elongation_max", -inf, config.blob_elongation_max),
+    )
+    return failed_limits([longer, (longer - CELL_PX) / shorter], limits)
 
 
 def _distance(attempt: Attempt, reasons: Sequence[Reason]) -> tuple[bool, bool, int, float]:

@@ -13,13 +13,22 @@ from numpy.typing import NDArray
 from core.detection.detector import Detection
 from core.detection.method_trace import MethodTrace
 from core.detection.reasons import Reason
-from core.detection.refined.attempts import START_RADIUS, Attempt, Origin, reasons_without_ball
+from core.detection.refined.attempts import BLOB_SIDE, START_RADIUS, Attempt, Origin, blob_reasons, reasons_without_ball
 from core.detection.refined.ball_fit import Quality, Reach, blank_work, fit_ball, start_from_place
 from core.detection.refined.circle_fit import UNKNOWNS
 from core.detection.refined.history import EventHistory
 from core.detection.refined.patch import MovingCircle
 from core.detection.refined.refined_trace import RefinedTrace, TraceRecorder
-from core.detection.refined.search import LONG_AGO_US, SPANS_US, blank_blobs, blank_maps, find_blobs, take_events
+from core.detection.refined.search import (
+    LONG_AGO_US,
+    SPANS_US,
+    BlobLimits,
+    blank_blobs,
+    blank_maps,
+    find_blobs,
+    take_events,
+)
+from core.detection.refined.soft_fit import fit_soft
 from core.detection.refined.track import BallTrack, fit_limits, fit_values, is_within
 from core.detection.refined.view import view_of
 from core.detection.refined_config import RefinedConfig
@@ -30,6 +39,11 @@ USUAL: Final = 0.5
 """Share of the fit's own variance that is usual: points are better than their spread says, but err alike."""
 SHADE: Final = (0.004, 0.01)
 """Systematic error across and down the picture, in radii: light from above leaves the lower rim pale."""
+
+
+SOFT_USUAL: Final = 7.0
+"""Variance of a soft ball's centre over the fit's own, in which successive windows share most of their events: the mean
+over the planet of `bench planet`, 6.6 to 6.9 in its two parts."""
 
 
 def observed_covariance(fitted: NDArray[np.float64], ball: MovingCircle, quality: Quality) -> NDArray[np.float64]:
@@ -45,9 +59,6 @@ def observed_covariance(fitted: NDArray[np.float64], ball: MovingCircle, quality
     return covariance
 
 
-MAX_TRACKS: Final = 6
-MAX_TRIALS: Final = 4
-"""Most blobs fitted per window."""
 SEARCH_EVERY: Final = (1, 2, 4)
 """Windows between two evaluations of each time span of the search."""
 CATCH_UP_US: Final = 6000
@@ -68,8 +79,6 @@ UNSEEN_MS: Final = 2.5
 """A ball unseen for longer is searched again."""
 BORDER_PX: Final = 0.5
 """A ball with its centre nearer to the sensor's border may have left the picture."""
-PATIENCE_US: Final = 3000
-"""An unconfirmed track is dropped after this long without a fit."""
 BOUNCE_RESTITUTION_GUESSES: Final = (-0.85, -0.4, 0.0)
 """Factors on the image's vertical speed that are tried when a ball is not where it was expected."""
 AFTER_BOUNCE: Final = (2.5, 0.4, 0.6, 0.3)
@@ -129,6 +138,8 @@ class RefinedDetector:
         self._learnt = 0.0
         self.tracks: list[BallTrack] = []
         self._refused: list[Attempt] = []
+        self._refused_before: tuple[int, tuple[Attempt, ...]] = (0, ())
+        self._given_up: list[BallTrack] = []
         self._blobs_found = 0
         self._end_us = 0
 
@@ -143,9 +154,13 @@ class RefinedDetector:
             self.sensor = window.events.sensor
             self.reset()
         end_us = self._end_us = window.end_us
+        if self._refused:
+            self._refused_before = self._windows, tuple(self._refused)
+            self._refused.clear()
+        self._given_up.clear()
         self._windows += 1
-        self._refused.clear()
         self._blobs_found = 0
+        self._blobs.rejected[:] = 0.0
         self._history.append(window.events, end_us)
         self._recent = self._history.recent
         for track in self.tracks:
@@ -161,13 +176,23 @@ class RefinedDetector:
             return None
         self._learn_stretch(ball.ball)
         u, v, vu, vv, r, stretch_ms, *_ = ball.ball
-        seen = observed_covariance(ball.covariance, ball.ball, ball.quality)
+        if self.config.edge == "soft":
+            seen = SOFT_USUAL * ball.covariance[:5, :5]
+        else:
+            seen = observed_covariance(ball.covariance, ball.ball, ball.quality)
         return RefinedDetection(end_us - self.config.delay_us, u, v, r, vu, vv, stretch_ms, seen, ball.quality)
 
     def why_not(self) -> tuple[Reason, ...]:
-        """Limits that the nearest candidate of the last window failed, see `reasons_without_ball`."""
+        """Limits that the nearest candidate of the last window failed, see `reasons_without_ball`.
+
+        Slow things are searched in every fourth window only: without a candidate those of the last four windows count.
+        """
+        blobs = self._blobs_found or blob_reasons(self._blobs.rejected, self.config)
+        since, refused = self._windows - SEARCH_EVERY[-1], self._refused
+        if not refused and not self._blobs_found and self._refused_before[0] > since:
+            refused = self._refused_before[1]
         return reasons_without_ball(
-            self._end_us, self._recent, self._blobs_found, self._refused, self.tracks, self.config, self._brighter
+            self._end_us, self._recent, blobs, refused, self.tracks, self._given_up, self.config, self._brighter
         )
 
     def trace(self, window: Window) -> RefinedTrace:
@@ -177,7 +202,7 @@ class RefinedDetector:
             detection = self.step(window)
         finally:
             self._recorder = None
-        return recorder.finish(self._recent, self.tracks, self._brighter, detection)
+        return recorder.finish(self._recent, (*self.tracks, *self._given_up), self._brighter, detection)
 
     def explain(self, window: Window) -> MethodTrace:
         """The step of this window as Tune and `detect --explain` show it."""
@@ -196,8 +221,11 @@ class RefinedDetector:
         """Drop tracks that are lost, rejected, or duplicates (the older one stays)."""
         kept: list[BallTrack] = []
         for track in self.tracks:
-            patience_us = self.config.coast_us if track.confirmed else PATIENCE_US
-            if end_us - track.end_us > patience_us or track.is_terminated:
+            patience_us = self.config.coast_us if track.confirmed else self.config.candidate_coast_us
+            if track.is_terminated:
+                self._given_up.append(track)
+                continue
+            if end_us - track.end_us > patience_us:
                 continue
             if any(_apart_px(one.ball, track.ball) < 0.5 * one.ball.r for one in kept):
                 continue
@@ -257,7 +285,10 @@ class RefinedDetector:
         """Fit from the start in `self._work.fit`; None if it cannot be a ball."""
         if self._recorder is not None:
             self._recorder.begin_fit(self._work.fit, reach)
-        fitted = fit_ball(self._recent, self._work, end_us, reach, band_px, rounds)
+        if self.config.edge == "soft":
+            fitted = fit_soft(self._recent, self._work, end_us, reach, rounds)
+        else:
+            fitted = fit_ball(self._recent, self._work, end_us, reach, band_px, rounds)
         if not fitted:
             self._refuse(Attempt(origin, points=int(self._work.counts[0])))
             return None
@@ -276,23 +307,23 @@ class RefinedDetector:
 
     def _search(self, end_us: int) -> None:
         """Search for new blobs, and start tracks of possible balls."""
-        take_events(self._recent, max(self._mapped_us, end_us - CATCH_UP_US), self._maps)
+        config = self.config
+        take_events(self._recent, max(self._mapped_us, end_us - CATCH_UP_US), self._maps, config.neighbours_min)
         self._mapped_us = end_us
-        found = 0
+        found, limits = 0, BlobLimits(BLOB_SIDE * config.radius_max_px, config.blob_elongation_max)
         for span, every in enumerate(SEARCH_EVERY):
             if self._windows % every == 0:
                 self._floods += 1
-                largest_px = 4.0 * self.config.radius_max_px
-                found = find_blobs(self._maps, span, end_us, self._floods, largest_px, self._blobs, found)
+                found = find_blobs(self._maps, span, end_us, self._floods, limits, self._blobs, found)
         self._blobs_found = found
         if self._recorder is not None:
             evaluated = tuple(self._windows % every == 0 for every in SEARCH_EVERY)
             self._recorder.take_search(self._recent, self._maps, self._blobs, found, evaluated)
         trials = 0
         for turn in range(found):
-            if len(self.tracks) >= MAX_TRACKS or trials >= MAX_TRIALS:
+            if len(self.tracks) >= config.tracks_max or trials >= config.trials_max:
                 break
-            blob = (self._windows * MAX_TRIALS + turn) % found  # many blobs are examined in turns
+            blob = (self._windows * config.trials_max + turn) % found  # many blobs are examined in turns
             box = self._blobs.boxes[blob]
             covered = any(_covers(track, box, end_us) for track in self.tracks)
             if self._recorder is not None:

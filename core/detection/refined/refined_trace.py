@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from core.detection.detector import Detection
 from core.detection.reasons import Reason
-from core.detection.refined.attempts import Attempt, Origin
+from core.detection.refined.attempts import Attempt, Origin, blob_reasons
 from core.detection.refined.ball_fit import Quality, Reach, Work, span_for
 from core.detection.refined.circle_fit import Fit
 from core.detection.refined.history import Recent
@@ -25,8 +25,8 @@ from core.detection.refined.search import SPANS_US, Blobs, Maps, surviving_event
 from core.detection.refined.track import BallTrack
 from core.detection.refined_config import RefinedConfig
 
-BlobStatus = Literal["waiting", "examined", "tracked"]
-"""Whether a blob had to wait for a later window, was examined, or is a track's."""
+BlobStatus = Literal["waiting", "examined", "tracked", "rejected"]
+"""Whether a blob had to wait for a later window, was examined, is a track's, or is beyond a limit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,6 +49,8 @@ class BlobTrace:
     """u and v of the middle, width, height."""
     span_us: int
     status: BlobStatus
+    reasons: tuple[Reason, ...] = ()
+    """The limits that it failed; of those that failed one the largest is listed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,6 +115,8 @@ class TrackTrace:
     confirmed: bool
     missing: tuple[Reason, ...]
     """What it lacks to be confirmed."""
+    given_up: tuple[Reason, ...]
+    """Why it was given up in this window; empty if it goes on."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,6 +150,7 @@ class TraceRecorder:
         self._began_s = time.perf_counter()
         self._searched = False
         self._spans: tuple[SearchTrace, ...] = ()
+        self._rejected: tuple[BlobTrace, ...] = ()
         self._boxes: list[tuple[tuple[float, float, float, float], int]] = []
         self._statuses: dict[int, BlobStatus] = {}
         self._blob: int | None = None
@@ -158,13 +163,18 @@ class TraceRecorder:
         self._searched = True
         spans = []
         for number, span_us in enumerate(SPANS_US.tolist()):
-            rows = surviving_events(recent, self._end_us, span_us, maps)
+            rows = surviving_events(recent, self._end_us, span_us, maps, self._config.neighbours_min)
             # Indexing copies, and must: the history is overwritten later.
             spans.append(SearchTrace(span_us, evaluated[number], recent.x_px[rows], recent.y_px[rows]))
         self._spans = tuple(spans)
         for blob in range(found):
             u, v, width, height = blobs.boxes[blob].tolist()
             self._boxes.append(((u, v, width, height), int(SPANS_US[blobs.span[blob]])))
+
+        u, v, width, height, cells, span = blobs.rejected.tolist()
+        if cells:
+            why = blob_reasons(blobs.rejected, self._config)
+            self._rejected = (BlobTrace((u, v, width, height), int(SPANS_US[int(span)]), "rejected", why),)
 
     def take_blob(self, blob: int, status: BlobStatus) -> None:
         """Record that it is a blob's turn."""
@@ -209,7 +219,8 @@ class TraceRecorder:
             blobs=tuple(
                 BlobTrace(box, span_us, self._statuses.get(number, "waiting"))
                 for number, (box, span_us) in enumerate(self._boxes)
-            ),
+            )
+            + self._rejected,
             fits=tuple(self._fits),
             tracks=tuple(
                 TrackTrace(
@@ -221,6 +232,7 @@ class TraceRecorder:
                     unseen_us=self._end_us - one.end_us,
                     confirmed=one.confirmed,
                     missing=() if one.confirmed else one.missing(self._config, brighter),
+                    given_up=one.given_up(),
                 )
                 for one in tracks
             ),

@@ -19,6 +19,7 @@ SPANS_US: Final = np.array([1500, 5000, 16_000], np.int64)
 """Time spans for which a pixel counts as set."""
 CELL_BITS: Final = 2
 """A cell is 4 x 4 pixels."""
+CELL_PX: Final = 1 << CELL_BITS
 MAX_BLOBS: Final = 64
 LONG_AGO_US: Final = -(1 << 60)
 
@@ -35,6 +36,15 @@ class Maps(NamedTuple):
     stack: NDArray[np.int32]
 
 
+class BlobLimits(NamedTuple):
+    """What a blob must keep to be examined."""
+
+    side_max_px: float
+    """Longest side of its box."""
+    elongation_max: float
+    """Largest ratio of its sides, after one cell."""
+
+
 class Blobs(NamedTuple):
     """Boxes of cells, in pixels."""
 
@@ -42,6 +52,9 @@ class Blobs(NamedTuple):
     """(MOST_BLOBS, 4): u and v of the middle, width, height."""
     span: NDArray[np.int64]
     """(MOST_BLOBS,) index into SPANS_US."""
+    rejected: NDArray[np.float64]
+    """(6,) the largest blob that is beyond a limit: u and v of the middle, width, height, cells, index into SPANS_US.
+    0 cells: there is none."""
 
 
 def blank_maps(sensor: SensorSize) -> Maps:
@@ -57,12 +70,12 @@ def blank_maps(sensor: SensorSize) -> Maps:
 
 def blank_blobs() -> Blobs:
     """Arrays for the blobs of one search."""
-    return Blobs(np.zeros((MAX_BLOBS, 4)), np.zeros(MAX_BLOBS, np.int64))
+    return Blobs(np.zeros((MAX_BLOBS, 4)), np.zeros(MAX_BLOBS, np.int64), np.zeros(6))
 
 
 @njit
-def take_events(recent: Recent, since_us: int, maps: Maps) -> None:
-    """Update the maps with new events."""
+def take_events(recent: Recent, since_us: int, maps: Maps, neighbours_min: int) -> None:
+    """Update the maps with new events; a pixel survives with so many neighbours."""
     last_us, cells_us = maps.last_us, maps.cells_us
     begin = np.searchsorted(recent.t_us, since_us)
     for k in range(begin, len(recent.t_us)):
@@ -70,13 +83,13 @@ def take_events(recent: Recent, since_us: int, maps: Maps) -> None:
     for k in range(begin, len(recent.t_us)):
         row, column, t_us = recent.y_px[k] + 1, recent.x_px[k] + 1, recent.t_us[k]
         for span in range(len(SPANS_US)):
-            if _survives(last_us, row, column, t_us - SPANS_US[span]):
+            if _survives(last_us, row, column, t_us - SPANS_US[span], neighbours_min):
                 cells_us[span, ((row - 1) >> CELL_BITS) + 1, ((column - 1) >> CELL_BITS) + 1] = t_us
 
 
 @njit
-def _survives(last_us, row, column, since_us):
-    """Whether all but one of the cross round the pixel are set, and four of its eight neighbours."""
+def _survives(last_us, row, column, since_us, neighbours_min):
+    """Whether all but one of the cross round the pixel are set, and enough of its eight neighbours."""
     cross = 0
     corners = 0
     if last_us[row - 1, column] >= since_us:
@@ -97,11 +110,11 @@ def _survives(last_us, row, column, since_us):
         corners += 1
     if last_us[row + 1, column + 1] >= since_us:
         corners += 1
-    return cross + corners >= 5
+    return cross + corners >= neighbours_min
 
 
 @njit
-def surviving_events(recent: Recent, end_us: int, span_us: int, maps: Maps) -> NDArray[np.bool_]:
+def surviving_events(recent: Recent, end_us: int, span_us: int, maps: Maps, neighbours_min: int) -> NDArray[np.bool_]:
     """(N,) events whose pixels survive the opening over a time span that ends at `end_us`, for a trace of the search.
 
     The search itself tests each pixel once, at the time of its event.
@@ -109,15 +122,15 @@ def surviving_events(recent: Recent, end_us: int, span_us: int, maps: Maps) -> N
     survives = np.zeros(len(recent.t_us), np.bool_)
     since_us = end_us - span_us
     for k in range(np.searchsorted(recent.t_us, since_us), len(recent.t_us)):
-        survives[k] = _survives(maps.last_us, recent.y_px[k] + 1, recent.x_px[k] + 1, since_us)
+        survives[k] = _survives(maps.last_us, recent.y_px[k] + 1, recent.x_px[k] + 1, since_us, neighbours_min)
     return survives
 
 
 @njit
-def find_blobs(maps: Maps, span: int, end_us: int, flood: int, largest_px: float, blobs: Blobs, found: int) -> int:
+def find_blobs(maps: Maps, span: int, end_us: int, flood: int, limits: BlobLimits, blobs: Blobs, found: int) -> int:
     """Add the blobs of one span that could be a ball to those found; how many there are then.
 
-    `flood` must be a number that no flood had before.
+    `flood` must be a number that no flood had before. The largest blob beyond a limit is kept in `blobs.rejected`.
     """
     cells_us, visited, stack = maps.cells_us[span], maps.visited, maps.stack
     rows, columns = cells_us.shape
@@ -144,10 +157,16 @@ def find_blobs(maps: Maps, span: int, end_us: int, flood: int, largest_px: float
                             depth += 1
             width, height = (right - left + 1) * size, (bottom - top + 1) * size
             longer, shorter = max(width, height), min(width, height)
-            if cells < 2 or longer > largest_px or longer > 3.0 * shorter + size or found >= MAX_BLOBS:
+            if cells < 2 or found >= MAX_BLOBS:
                 continue
-            blobs.boxes[found, 0] = (left - 1) * size + 0.5 * width - 0.5
-            blobs.boxes[found, 1] = (top - 1) * size + 0.5 * height - 0.5
+            u, v = (left - 1) * size + 0.5 * width - 0.5, (top - 1) * size + 0.5 * height - 0.5
+            if longer > limits.side_max_px or longer > limits.elongation_max * shorter + size:
+                if cells > blobs.rejected[4]:
+                    blobs.rejected[0], blobs.rejected[1] = u, v
+                    blobs.rejected[2], blobs.rejected[3] = width, height
+                    blobs.rejected[4], blobs.rejected[5] = cells, span
+                continue
+            blobs.boxes[found, 0], blobs.boxes[found, 1] = u, v
             blobs.boxes[found, 2], blobs.boxes[found, 3] = width, height
             blobs.span[found] = span
             found += 1

@@ -29,12 +29,8 @@ BEND_PX: Final = 3.5
 """Accelerations are averaged over the time in which the ball moves this far, with a minimum time."""
 STEADY_FITS: Final = 4
 """Number of fits whose radii are compared."""
-SAME_RADIUS: Final = 0.2
-"""Largest relative change of a confirmed ball's radius from fit to fit."""
 OTHER_POLARITY: Final = -0.3
 """Smallest product of two contrasts' signs of a confirmed ball: its shadow has the other sign."""
-SAME_CONTRAST: Final = 0.5
-"""Smallest share of its mean contrast that a fit of a confirmed ball has."""
 OTHER_KIND: Final = 4
 """Times as many fits are needed of a ball that is dark after a bright one, or bright after a dark one."""
 DARK_DOUBT: Final = 3.0
@@ -91,7 +87,8 @@ class BallTrack:
         self.bend = self._bend_with(ball, 1e-3 * (end_us - self.end_us))
         self.end_us, self.ball, self.covariance, self.quality = end_us, ball, covariance, quality
         self.fits += 1
-        self.evidence = REMEMBERED * self.evidence + evidence_of(quality)
+        fresh = evidence_of(quality) if self.config.edge == "sharp" else soft_evidence(quality, self.config)
+        self.evidence = REMEMBERED * self.evidence + fresh
         self.brighter += FRESH * (quality.brighter - self.brighter)
         self.contrast += FRESH * (quality.contrast - self.contrast)
         self.coverage += FRESH * (quality.coverage - self.coverage)
@@ -102,6 +99,14 @@ class BallTrack:
         """Whether the evidence against it is too strong."""
         return self.evidence <= (self.config.confirmed_given_up if self.confirmed else self.config.given_up)
 
+    def given_up(self) -> tuple[Reason, ...]:
+        """Why it is given up; empty if it is not."""
+        if not self.is_terminated:
+            return ()
+        name = "confirmed_given_up" if self.confirmed else "given_up"
+        limit: float = getattr(self.config, name)
+        return (Limit("evidence", f"refined.{name}", limit, math.inf).failed_by(self.evidence),)
+
     def fits_in(self, ball: MovingCircle, quality: Quality) -> bool:
         """Whether a fit is of the same ball: similar size, brightness and contrast."""
         return all(limit.holds(value) for value, limit in self._same_ball(ball, quality))
@@ -111,11 +116,12 @@ class BallTrack:
         return failed_limits(*zip(*self._same_ball(ball, quality), strict=True))
 
     def _same_ball(self, ball: MovingCircle, quality: Quality) -> tuple[tuple[float, Limit], ...]:
-        most_px, least = SAME_RADIUS * self.ball.r, SAME_CONTRAST * self.contrast
+        most_px, least = self.config.same_radius * self.ball.r, self.config.same_contrast * self.contrast
+        radius, contrast = "refined.same_radius", "refined.same_contrast"
         return (
-            (abs(ball.r - self.ball.r), Limit("change of the ball's radius", None, -math.inf, most_px, "px")),
+            (abs(ball.r - self.ball.r), Limit("change of the ball's radius", radius, -math.inf, most_px, "px")),
             (quality.brighter * self.brighter, Limit("same polarity as before", None, OTHER_POLARITY, math.inf)),
-            (quality.contrast, Limit("events per edge pixel", None, least, math.inf)),
+            (quality.contrast, Limit("events per edge pixel", contrast, least, math.inf)),
         )
 
     def is_confirmed_by(self, config: RefinedConfig, brighter: float) -> bool:
@@ -161,6 +167,20 @@ def evidence_of(quality: Quality) -> float:
     badness = quality.residual_px / 0.4 + quality.stray / 0.4 + inside / 0.15 + mixed
     virtue = quality.fill + quality.coverage
     return min(max(1.2 - badness + virtue, -1.0), 1.0)
+
+
+def soft_evidence(quality: Quality, config: RefinedConfig) -> float:
+    """Evidence of a fit for a ball without a sharp rim: its flaws as shares of their limits, its coverage against them.
+
+    How soft a ball is differs from one to the next, so that here the settings say what is much.
+    """
+    flaws = (
+        quality.residual_px / config.residual_px
+        + quality.stray / max(config.stray_max, 0.01)
+        + quality.inside / max(config.inside_max, 0.01)
+        + 0.4 * (1.0 - abs(quality.brighter))
+    )
+    return min(max(1.2 - flaws + quality.coverage, -1.0), 1.0)
 
 
 def fit_limits(config: RefinedConfig) -> tuple[Limit, ...]:

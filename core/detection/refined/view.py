@@ -36,7 +36,7 @@ VIEWS: Final = (RAW, "search", "candidates", "edge points", "fit", "track", RESU
 TITLES: Final = ("from", "points", "radius", "px/ms", "residual", "coverage", "inside", "fill", "outliers")
 TRAIL_MS: Final = 10.0
 """A track is drawn with the way that it goes in this time."""
-ROLES: Final = {"examined": "accepted", "tracked": "region", "waiting": "waiting"}
+ROLES: Final = {"examined": "accepted", "tracked": "region", "waiting": "waiting", "rejected": "rejected"}
 
 
 def view_of(trace: RefinedTrace, window: Window, reasons: tuple[Reason, ...], residual_px: float) -> MethodTrace:
@@ -87,7 +87,7 @@ def _views(trace: RefinedTrace, tracks: dict[int, TrackTrace]) -> tuple[View, ..
         Outline(
             ROLES[blob.status],  # type: ignore[arg-type]
             box_points(*blob.box_px),
-            text=f"{number}: {1e-3 * blob.span_us:g} ms, {blob.status}",
+            text=f"{number}: {1e-3 * blob.span_us:g} ms, {blob.reasons[0].text if blob.reasons else blob.status}",
             text_px=(blob.box_px[0] + 0.5 * blob.box_px[2] + 2, blob.box_px[1] - 0.5 * blob.box_px[3]),
         )
         for number, blob in enumerate(trace.blobs)
@@ -149,11 +149,13 @@ def _track_shapes(track: TrackTrace) -> list[Outline]:
     ball = track.ball
     way = np.array([(ball.u, ball.v), (ball.u + TRAIL_MS * ball.vu, ball.v + TRAIL_MS * ball.vv)])
     text = f"{_state(track)}, {track.fits} fits, evidence {track.evidence:.1f}, {1e-3 * track.age_us:.0f} ms old"
-    role = "accepted" if track.confirmed else "waiting"
+    role = "rejected" if track.given_up else "accepted" if track.confirmed else "waiting"
     return [_circle(role, ball, text), Outline(role, way)]
 
 
 def _state(track: TrackTrace) -> str:
+    if track.given_up:
+        return f"given up: {track.given_up[0].text}"
     if track.confirmed:
         return "ball" if not track.unseen_us else f"ball, unseen for {1e-3 * track.unseen_us:.0f} ms"
     return f"not yet: {track.missing[0].text}" if track.missing else "candidate"
@@ -177,7 +179,7 @@ def _row(fit: FitTrace, track: TrackTrace | None, trace: RefinedTrace, residual_
     return CandidateRow(
         label=fit.number,
         figures=(origin, *figures),
-        reasons=fit.reasons or (track.missing if track is not None else ()),
+        reasons=fit.reasons or ((track.given_up or track.missing) if track is not None else ()),
         verdict="ball" if track is not None and track.confirmed else "candidate" if track else "is a track already",
         order=quality.points if quality is not None else -1.0,
         x_px=xs,

@@ -24,7 +24,7 @@ from core.detection.yolo.network import YoloTiny
 from core.detection.yolo.weights import SharpScore, YoloWeights, save_weights
 from core.errors import CommandError
 from core.events import CameraFrame
-from core.files import hold
+from core.files import beside, hold
 from core.learning.detector_training.config import DetectorTrainingConfig
 from core.learning.detector_training.pool import TrainingPictures, data_set_pool, rendered_pool
 from core.learning.detector_training.training import load_state, new_state, run_steps
@@ -161,7 +161,7 @@ RENDERED, TRAINED = 0.25, 0.9
 
 def training_folder(out: Path) -> Path:
     """Where a training keeps its pictures and its checkpoint until the weights are written."""
-    return out.with_name(f"{out.name}.training")
+    return beside(out, "", ".training")
 
 
 def train_detector(

@@ -185,7 +185,7 @@ class PolicyEvaluator:
     def __init__(self, config: EnvironmentConfig, balls: int, backend: EpisodeBackend | None = None) -> None:
         """A court shows the balls, once; the strokes are played in closed form, by a racket that is there in time.
 
-        Where outcomes are those that cameras see, every stroke is played out on the court.
+        Where outcomes are those that cameras see, every stroke is played out before cameras.
         """
         self._config = config
         self._backend = backend or ClosedFormBackend(config)

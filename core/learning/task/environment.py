@@ -99,7 +99,7 @@ class ClosedFormBackend:
             raise ConfigError(
                 "states from events need event cameras",
                 where="state_source",
-                remedy="give the training the court of core.live.worlds.event_environment, as `rallyscope train` does",
+                remedy="train with the backend of core.live.worlds.event_environment, as `rallyscope train` does",
             )
         self._config = config
 
@@ -120,15 +120,15 @@ class ClosedFormBackend:
 
 def observe_all(backend: EpisodeBackend, deliveries: ServeBatch) -> ServeBatch:
     """Observe many balls, to be played in closed form: observations do not depend on the action."""
-    met = [backend.observe(deliveries[i : i + 1]) for i in range(len(deliveries))]
-    aims = [(one.aim_ps_m, one.aim_t_s) for one in met]
+    observed = [backend.observe(deliveries[i : i + 1]) for i in range(len(deliveries))]
+    aims = [(one.aim_ps_m, one.aim_t_s) for one in observed]
     known = [(p, t) for p, t in aims if p is not None and t is not None]
     return dataclasses.replace(
         deliveries,
-        seen=np.concatenate([one.seen for one in met]),
-        states=np.concatenate([one.states for one in met]),
-        aim_ps_m=np.concatenate([p for p, _ in known]) if len(known) == len(met) else None,
-        aim_t_s=np.concatenate([t for _, t in known]) if len(known) == len(met) else None,
+        seen=np.concatenate([one.seen for one in observed]),
+        states=np.concatenate([one.states for one in observed]),
+        aim_ps_m=np.concatenate([p for p, _ in known]) if len(known) == len(observed) else None,
+        aim_t_s=np.concatenate([t for _, t in known]) if len(known) == len(observed) else None,
     )
 
 

@@ -27,6 +27,8 @@ SILENT_S: Final = 60.0
 """Longest silence of a listening server during the handshake: it may be starting on a slow machine."""
 EVERYTHING: Final = b""
 """All topics."""
+HELLO_S: Final = 3.0
+"""Longest wait for an answer to one handshake: where no server is, that is to be known soon, however patient one is."""
 ASK_AGAIN_S: Final = 0.2
 SCENE_S: Final = 30.0
 """Timeout of the reply to a new scene, which is rendered first: half a second on an idle machine."""
@@ -69,7 +71,7 @@ class SimulationClient:
         self._socket: zmq.Socket | None = None
         self._watch: HandshakeWatch | None = None
         self._listeners = LinkListeners()
-        self._stop = threading.Event()
+        self._stop, self._has_received = threading.Event(), threading.Event()
         self._received_s = 0.0
         self._last_seq = 0
         self._listening = True
@@ -118,6 +120,15 @@ class SimulationClient:
         """
         self._listening = listening
 
+    def wait_for_messages(self) -> None:
+        """Wait for the first published message: from then on everything comes, before it some may have been missed.
+
+        Raises:
+            NoAnswerError: if none comes in the client's time-out.
+        """
+        if not self._has_received.wait(self._timeout_s):
+            raise NoAnswerError("the server publishes nothing", where=self.address, remedy="start it again")
+
     def serve(self, speed_mps: float = 5.0) -> m.Reply:
         """Serve a ball drawn for a speed of 3 to 9 m/s."""
         return self.ask(lambda number: m.Serve(id=number, speed_mps=speed_mps))
@@ -160,7 +171,8 @@ class SimulationClient:
 
     def set_scene(self, scene: str) -> m.Reply:
         """What the cameras look at: a name of `core.simulation.scenes.scene.SCENES`."""
-        return self.ask(lambda number: m.SetScene(id=number, scene=scene), timeout_s=SCENE_S)
+        patience_s = max(SCENE_S, self._timeout_s)
+        return self.ask(lambda number: m.SetScene(id=number, scene=scene), timeout_s=patience_s)
 
     def auto_serve(self, speed_mps: float) -> m.Reply:
         """Serve repeatedly at this speed; 0 stops."""
@@ -219,7 +231,7 @@ class SimulationClient:
         silent_until_s = time.monotonic() + SILENT_S
         while True:
             try:
-                return self.ask(lambda number: m.Hello(id=number))
+                return self.ask(lambda number: m.Hello(id=number), timeout_s=min(HELLO_S, self._timeout_s))
             except NotReadyError as error:
                 preparing(error.share)
                 silent_until_s = time.monotonic() + SILENT_S
@@ -231,7 +243,7 @@ class SimulationClient:
     def _somebody_listens(self) -> bool:
         host, _, port = self._commands_address.removeprefix("tcp://").rpartition(":")
         try:
-            with socket.create_connection((host.strip("[]"), int(port)), timeout=self._timeout_s):
+            with socket.create_connection((host.strip("[]"), int(port)), timeout=min(HELLO_S, self._timeout_s)):
                 return True
         except OSError:
             return False
@@ -263,19 +275,20 @@ class SimulationClient:
                     subscribed, self._last_seq = topic, 0  # messages of other topics do not count as lost
                 if not socket.poll(100):
                     continue
-                *_, data = socket.recv_multipart()
+                parts = socket.recv_multipart()
                 try:
-                    self._dispatch(m.decode(data, m.KINDS))
+                    self._dispatch(m.decode(parts[-1], m.KINDS), only_alive=parts[0] == m.ALIVE)
                 except LinkError as error:
                     self.rejected_messages += 1
                     logger.debug("ignored: %s", error)
         finally:
             socket.close(0)
 
-    def _dispatch(self, message: m.WorldState | m.EventBatch | m.Notice) -> None:
+    def _dispatch(self, message: m.WorldState | m.EventBatch | m.Notice, *, only_alive: bool) -> None:
         if isinstance(message, m.Reply):
             raise LinkError("a reply was published")
         self._received_s = time.monotonic()
+        self._has_received.set()
         welcome = self.welcome
         fresh = message.session != welcome.session
         if fresh:
@@ -288,7 +301,8 @@ class SimulationClient:
                 self._listeners.on_session(welcome)
             if self._last_seq:
                 self.lost_messages += max(0, message.seq - self._last_seq - 1)
-            self._last_seq = message.seq
+            if self._last_seq or not only_alive:  # who hears only signs of life misses the numbers between them
+                self._last_seq = message.seq
             if isinstance(message, m.EventBatch):
                 self._listeners.on_events(message)
             elif isinstance(message, m.WorldState):

@@ -19,7 +19,7 @@ from core.events import Events
 from core.learning.config import EnvironmentConfig
 from core.learning.task.environment import ServeBatch, strokes_of
 from core.live.link import messages as m
-from core.live.link.client import SimulationClient
+from core.live.link.client import HELLO_S, SimulationClient
 from core.live.link.guard import ClientKeys
 from core.live.worlds.outcomes import outcomes_of
 from core.outcomes.environment_backend import SeenBlock
@@ -29,10 +29,10 @@ from core.simulation.episodes.racket import RacketConfig, RacketTarget, check_ta
 
 Array = NDArray[np.float64]
 PATIENCE_S: Final = 30.0
-"""Longest wait for the events of one block."""
+"""Longest wait for the events of one block, and for an answer to a command."""
 
 
-class LinkedBackend:
+class LinkEnvironmentBackend:
     """Steps the server block by block. Nobody else should command it meanwhile. `close` it.
 
     Ball rows, contacts, circles and outcomes that the server publishes are not looked at.
@@ -47,13 +47,14 @@ class LinkedBackend:
         """
         self._received = threading.Condition()
         self._blocks: dict[int, dict[str, Events]] = {}
-        self._client = SimulationClient(address, keys=keys)
+        self._client = SimulationClient(address, keys=keys, timeout_s=PATIENCE_S)
         try:
             self._cameras = self._client.welcome.calibrated()
             if len(self._cameras) < 2:
                 got = ", ".join(self._cameras) or "none"
                 raise CalibrationError("too few calibrated cameras", expected="two", got=got, where=address)
             self._client.auto_serve(0.0)
+            self._client.wait_for_messages()  # else the first block could be published before the subscription arrives
             reply = self._client.pause()
         except (LinkError, CalibrationError):
             self._client.close()
@@ -113,10 +114,7 @@ class LinkedBackend:
     def close(self) -> None:
         """Disconnect; the server's clock runs again."""
         self._client.remove_listener(self)
-        try:
-            self._client.resume()
-        finally:
-            self._client.close()
+        _release(self._client)
 
     def _is_whole(self, end_us: int) -> bool:
         return self._blocks.get(end_us, {}).keys() == self._cameras.keys()
@@ -139,13 +137,21 @@ class LinkedBackend:
         """Not looked at: it holds the truth."""
 
 
+def _release(client: SimulationClient) -> None:
+    """Let the server's clock run again, and disconnect. A silent server may be gone: it is not waited for as long."""
+    try:
+        client.ask(lambda number: m.Resume(id=number), timeout_s=None if client.status == "connected" else HELLO_S)
+    finally:
+        client.close()
+
+
 BLOCKS: Final = 300
 """Blocks per step command: 3 simulated seconds, longer than any ball."""
 BALL_PATIENCE_S: Final = 60.0
 """Timeout for a ball; it takes about a second of computing."""
 
 
-class LinkBackend:
+class LinkEpisodeBackend:
     """Plays balls in a server: it serves exactly the balls that the training deals, so outcomes are those at home.
 
     The clock of the server is stepped as fast as it computes. Nobody else should command it meanwhile.
@@ -162,12 +168,13 @@ class LinkBackend:
             raise LinkError("a server's events go with outcomes that they show", where="state_source", remedy=remedy)
         self._environment = environment
         self._notices: queue.SimpleQueue[m.OutcomeNotice] = queue.SimpleQueue()
-        self._client = SimulationClient(address, keys=keys)
+        self._client = SimulationClient(address, keys=keys, timeout_s=PATIENCE_S)
         try:
             if self._client.welcome.physics not in (None, environment.task.physics):
                 remedy = "give training and `sim-server` the same --physics"
                 raise LinkError("the server's balls fly by another physics", where=address, remedy=remedy)
             self._client.auto_serve(0.0)
+            self._client.wait_for_messages()  # else the first outcome could be missed
             self._client.pause()
         except LinkError:
             self._client.close()
@@ -204,10 +211,7 @@ class LinkBackend:
 
     def close(self) -> None:
         """Disconnect; the server's clock runs again."""
-        try:
-            self._client.resume()
-        finally:
-            self._client.close()
+        _release(self._client)
 
     def on_session(self, welcome: m.Reply) -> None:
         """A new session forgets the ball that is waited for: that shows as no answer in time."""

@@ -438,6 +438,7 @@ class SimulationServer:
             case m.Reset():
                 seed = self._world.seed if command.seed is None else command.seed
                 self._world.close()
+                self._steps = 0  # those that are left are of the session that ends
                 self._start_session(seed)
 
     def _serve(self, command: m.Serve) -> None:

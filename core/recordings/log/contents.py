@@ -23,7 +23,7 @@ class EventBlock:
     offset: int
     """In the log."""
     sizes: tuple[int, ...]
-    """Of each packed column, in bytes."""
+    """Size of each packed column, bytes."""
 
 
 @dataclass(slots=True)
@@ -38,7 +38,7 @@ class LogContents:
     notes: list[str] = field(default_factory=list)
     duration_us: int = 0
     end: int = 0
-    """Of the last whole frame."""
+    """End of the last whole frame, bytes from the start."""
     gaps: list[LogGap] = field(default_factory=list)
     lost: dict[str, int] = field(default_factory=dict)
     """Events of a camera, or rows of a group, that lie in the gaps: as many as what follows them tells of."""

@@ -32,7 +32,7 @@ _MAX_BROKEN: Final = 20
 """So many packets may take the decoder down before the rest is given up."""
 _HEAD: Final = struct.Struct("<cQ")
 _BYTES_PER_EVENT: Final = 8
-"""Of a file, for the progress only: faery does not tell how far it is."""
+"""Size of an event in a file, for the progress only: faery does not tell how far it is."""
 
 
 def open_aedat4(path: Path, sensor: SensorSize | None) -> list[EventSource]:
@@ -69,9 +69,9 @@ def _ask(path: Path) -> _Info:
     message, content = next(messages, (b"X", b"nothing was found"))
     if message != b"I":
         raise RecordingError("the file cannot be decoded", got=content.decode("utf-8", "replace"), where=path)
-    told = parse_json(content)
-    tracks = [_Track(n, SensorSize(w, h) if w and h else None) for n, w, h in told["tracks"]]
-    return _Info(tracks, told["others"], messages)
+    found = parse_json(content)
+    tracks = [_Track(n, SensorSize(w, h) if w and h else None) for n, w, h in found["tracks"]]
+    return _Info(tracks, found["others"], messages)
 
 
 def _decoder(

@@ -37,7 +37,7 @@ _HEAD_BYTES: Final = 64 << 10
 _ROOM_EVENTS: Final = 1 << 18
 _ROOM_TRIGGERS: Final = 1 << 14
 _MAX_RESERVED: Final = 0.01
-"""Of the first words: in a stream of this format there are none."""
+"""Largest share of reserved kinds among the first words: in a stream of this format there are none."""
 _MASK: Final = EVT4_TIME.mask
 HIGH, EPOCH, RESERVED, DAMAGED = range(4)
 

@@ -40,7 +40,7 @@ MAGIC = b"#!AER-DAT4.0\r\n"
 COMPRESSED = (b"\x04\x22\x4d\x18", b"\x28\xb5\x2f\xfd")
 """How a packet of LZ4 or Zstandard begins."""
 PLAIN = (b"EVTS", b"TRIG", b"FRME", b"IMUS")
-"""Of a packet that is not compressed: its kind, after two numbers of 32 bits."""
+"""Kinds of a packet that is not compressed: its kind, after two numbers of 32 bits."""
 HEAD = struct.Struct("<ii")
 NONE = -1
 """Track of bytes that are no packet."""

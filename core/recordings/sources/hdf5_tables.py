@@ -50,9 +50,9 @@ class _Table:
     """Where the events of a camera are in the file."""
 
     path: str
-    """Of the group of columns, or of the dataset of records."""
+    """Path of the group of columns, or of the dataset of records."""
     names: tuple[str, ...]
-    """Of t, x, y, p: datasets of the group, or fields of the records."""
+    """Names of t, x, y, p: datasets of the group, or fields of the records."""
     records: bool
 
     def read(self, file: h5py.File, first: int, last: int) -> RawColumns:

@@ -10,20 +10,10 @@ import h5py
 from core.recordings import layout
 from core.recordings.log.growing import MAGIC
 from core.recordings.sources.prophesee_header import read_prophesee_header
-from core.recordings.sources.readers import HEAD_BYTES, recognised_by_plugin
+from core.recordings.sources.readers import HEAD_BYTES, READERS, recognised
 
 RECORDING: Final = "Rallyscope recording"
-_ZIP: Final = b"PK\x03\x04"
 _HDF5: Final = b"\x89HDF\r\n\x1a\n"
-_STARTS: Final = (
-    (MAGIC, RECORDING),
-    (b"#!AER-DAT4", "AEDAT4"),
-    (b"Event Stream", "Event Stream"),
-    (b"\x93NUMPY", "NumPy"),
-    (b"#ROSBAG V", "ROS 1 bag"),
-    (b"\x89MCAP0\r\n", "MCAP"),
-)
-_HDF5_ENDS: Final = (".h5", ".hdf5")
 
 
 def kind_of(path: Path) -> str | None:
@@ -37,41 +27,18 @@ def kind_of(path: Path) -> str | None:
             return None
         with path.open("rb") as file:
             head = file.read(HEAD_BYTES)
-        kind = _kind_of(path, head)
-        reader = recognised_by_plugin(path, head) if head and kind != RECORDING else None
-        return kind if reader is None else reader.label
+        if head.startswith(MAGIC) or (head.startswith(_HDF5) and _is_recording(path)):
+            return RECORDING
+        reader = recognised(path, head) if head else None
+        if reader is None or (reader.only_named and path.suffix.lower() not in reader.only_named):
+            return None
+        # The only format whose versions people know by name: what one of their cameras writes, another tool refuses.
+        version = read_prophesee_header(path).version if reader is READERS.get("prophesee-raw") else None
+        return reader.label if version is None else f"Prophesee {version}"
     except (OSError, RuntimeError, KeyError, ValueError):
         return None
 
 
-def _kind_of(path: Path, head: bytes) -> str | None:
-    for start, kind in _STARTS:
-        if head.startswith(start):
-            return kind
-    if head.startswith(b"%"):
-        return _prophesee_kind(path)
-    if head.startswith(_HDF5):
-        return _hdf5_kind(path)
-    if head.startswith(b"SQLite format 3") and path.suffix.lower() == ".db3":
-        return "ROS 2 bag"
-    if head.startswith(_ZIP):
-        return "NumPy" if path.suffix.lower() == ".npz" else None
-    return "CSV" if head and path.suffix.lower() == ".csv" and b"\x00" not in head else None
-
-
-def _prophesee_kind(path: Path) -> str | None:
-    header = read_prophesee_header(path)
-    if header.is_dat:
-        return "Prophesee DAT"
-    if header.version is not None:
-        return f"Prophesee {header.version}"
-    return None if header.sensor is None else "Prophesee RAW"
-
-
-def _hdf5_kind(path: Path) -> str | None:
+def _is_recording(path: Path) -> bool:
     with h5py.File(path, "r") as file:
-        if file.attrs.get("format") == layout.FORMAT:
-            return RECORDING
-        if "CD/events" in file:
-            return "Metavision HDF5"
-    return "HDF5" if path.suffix.lower() in _HDF5_ENDS else None
+        return file.attrs.get("format") == layout.FORMAT

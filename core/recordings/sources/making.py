@@ -8,7 +8,7 @@ from typing import Protocol
 
 from core.errors import RecordingError
 from core.events import Events, SensorSize
-from core.recordings.sources.checking import FEW_LEFT_OUT, MAX_LEFT_OUT, check_table
+from core.recordings.sources.checking import FEW_LEFT_OUT, MAX_LEFT_OUT, check_stream, check_table
 from core.recordings.sources.source import (
     BINARY_FACTS,
     Columns,
@@ -37,12 +37,23 @@ def make_source(
     label: str,
     sensor: SensorSize | None,
     decode: Callable[[DecodeReport], Iterator[Columns]],
-    check: Check,
+    check: Check = check_stream,
     *,
     sensor_from: Whence = Whence.FILE,
     facts: Mapping[str, Fact] = BINARY_FACTS,
 ) -> EventSource:
-    """The camera `name` of a file whose columns `decode` finds; `sensor_from` is where a `sensor` is from."""
+    """One camera of a file, its events checked: what cannot be true is left out and counted, the rest is kept.
+
+    Args:
+        path: The file, named in notes.
+        name: What the file calls the camera, or "camera".
+        label: What the format is called.
+        sensor: Its size; None: assumed from all addresses, for which the file is decoded once more.
+        decode: Finds the columns, part by part, times in microseconds.
+        check: Of a binary stream, or of a table.
+        sensor_from: Where `sensor` is from.
+        facts: What the format defines of its values.
+    """
     size = sensor or _assume_sensor(decode(DecodeReport()))
     whence = Whence.ASSUMED if sensor is None else sensor_from
 

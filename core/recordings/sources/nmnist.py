@@ -29,7 +29,7 @@ _OVERFLOW_Y: Final = 240
 _OVERFLOW_US: Final = 1 << 13
 _N_MNIST: Final = SensorSize(34, 34)
 _ENOUGH: Final = 100
-"""Of so many events a few may be odd; of other bytes, half of the times would decrease."""
+"""Above so many events a few may be odd; of other bytes, half of the times would decrease."""
 _LARGEST_BYTES: Final = 64 << 20
 """A sample lasts a third of a second."""
 

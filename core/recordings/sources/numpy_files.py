@@ -33,7 +33,7 @@ _MEMORY_SHARE: Final = 0.5
 class _Loaded(NamedTuple):
     rows: RawColumns
     unit: str | None
-    """Of the times, as the file states it."""
+    """Unit of the times, as the file states it."""
     sensor: SensorSize | None
     assumed: tuple[str, ...] = ()
     """What is said of columns without names."""

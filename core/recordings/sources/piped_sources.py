@@ -73,15 +73,15 @@ def _kept(paths: Sequence[Path], cancelled: Callable[[], object]) -> Iterator[li
 
 def _keep(pipe: Path, file: Path, cancelled: Callable[[], object]) -> bool:
     """Write all that comes through a pipe to a file; False if cancelled before its end."""
-    began_s, said = time.monotonic(), False
+    began_s, announced = time.monotonic(), False
     try:
         # Not blocking: neither the opening of a pipe that nobody writes to, nor the reading, could be cancelled.
         with open(os.open(pipe, os.O_RDONLY | os.O_NONBLOCK), "rb", buffering=0) as source, file.open("wb") as kept:
             waiting = select.poll()
             waiting.register(source, select.POLLIN)
             while not cancelled():
-                if not said and time.monotonic() - began_s > _QUIET_S:
-                    said = True
+                if not announced and time.monotonic() - began_s > _QUIET_S:
+                    announced = True
                     logger.warning("%s is a pipe: it is read until who writes to it ends", pipe)
                 events = waiting.poll(_LOOK_MS)
                 part = source.read(_PART_BYTES) if events else None

@@ -30,13 +30,13 @@ class PropheseeHeader:
 
     size_bytes: int
     version: str | None
-    """Of a RAW file: "EVT2", "EVT2.1" or "EVT3", or another name the header gives."""
+    """Format of a RAW file: "EVT2", "EVT2.1" or "EVT3", or another name the header gives."""
     sensor: SensorSize | None
     word_swapped: bool
     """EVT2.1 as the first cameras wrote it: the two halves of each word exchanged."""
     is_dat: bool
     dat_version: int | None
-    """Of a DAT file."""
+    """Version of a DAT file."""
     sensor_by_camera: bool = False
     """Whether the size is not stated, but that of the camera that the header names."""
     other_sensor: SensorSize | None = None

@@ -13,7 +13,7 @@ from core.recordings.sources.source import EventSource
 from core.registry import Registry
 
 HEAD_BYTES: Final = 4096
-"""Of a file, by which it is recognised."""
+"""Bytes at the start of a file, by which it is recognised."""
 Recognise = Callable[[Path, bytes], bool]
 Open = Callable[[Path, SensorSize | None], list[EventSource]]
 
@@ -26,13 +26,23 @@ class Reader:
     opens: Open
     label: str
     suffixes: tuple[str, ...]
+    only_named: tuple[str, ...] = ()
+    """In lists only files with one of these suffixes are of this format, since its files can hold anything: text,
+    archives and data bases. Empty: every file that is recognised."""
 
 
 READERS: Final[Registry[Reader]] = Registry("reader", "rallyscope.readers")
 """Every format by name; of those that recognise a file the one that was registered last opens it."""
 
 
-def register_reader(name: str, recognises: Recognise, opens: Open, label: str, suffixes: tuple[str, ...] = ()) -> None:
+def register_reader(
+    name: str,
+    recognises: Recognise,
+    opens: Open,
+    label: str,
+    suffixes: tuple[str, ...] = (),
+    only_named: tuple[str, ...] = (),
+) -> None:
     """Add a format of event files: to `import`, to every verb that opens a recording, and to the app's Open file.
 
     Args:
@@ -42,6 +52,7 @@ def register_reader(name: str, recognises: Recognise, opens: Open, label: str, s
         opens: gives the sources in the file, one for each camera; a size that is given counts more than the file's.
         label: what the format is called.
         suffixes: of files in the workspace's folder of recordings that the app offers, such as ".xyz".
+        only_named: suffixes that a file needs to be listed, for a format whose files can hold anything.
 
     Raises:
         PluginError: if the name is taken, or one of these does not fit.
@@ -51,9 +62,10 @@ def register_reader(name: str, recognises: Recognise, opens: Open, label: str, s
         raise PluginError("no way to read it", expected="recognises(path, head) and opens(path, sensor)", where=where)
     if not isinstance(label, str) or not label.strip():
         raise PluginError("no label", expected="what the format is called", got=repr(label), where=where)
-    if not isinstance(suffixes, tuple) or not all(one.startswith(".") and one == one.lower() for one in suffixes):
-        raise PluginError("not suffixes", expected='such as (".xyz",)', got=repr(suffixes), where=where)
-    READERS.register(name, Reader(recognises, opens, label, suffixes))
+    for given in (suffixes, only_named):
+        if not isinstance(given, tuple) or not all(one.startswith(".") and one == one.lower() for one in given):
+            raise PluginError("not suffixes", expected='such as (".xyz",)', got=repr(given), where=where)
+    READERS.register(name, Reader(recognises, opens, label, suffixes, only_named))
 
 
 def event_files() -> dict[str, str]:
@@ -61,7 +73,6 @@ def event_files() -> dict[str, str]:
     return {suffix: reader.label for reader in READERS.values() for suffix in reader.suffixes}
 
 
-def recognised_by_plugin(path: Path, head: bytes) -> Reader | None:
-    """The reader of a plugin that takes this file."""
-    others = [reader for name, reader in READERS.items() if not READERS.is_built_in(name)]
-    return next((reader for reader in reversed(others) if reader.recognises(path, head)), None)
+def recognised(path: Path, head: bytes) -> Reader | None:
+    """The reader that opens a file with these first bytes: the last that recognises it."""
+    return next((reader for reader in reversed(list(READERS.values())) if reader.recognises(path, head)), None)

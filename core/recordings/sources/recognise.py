@@ -26,7 +26,7 @@ from core.recordings.sources.numpy_data_sets import is_evimo_folder, open_evimo_
 from core.recordings.sources.numpy_files import open_numpy
 from core.recordings.sources.prophesee_header import read_prophesee_header, text_follows
 from core.recordings.sources.prophesee_raw import open_prophesee_raw
-from core.recordings.sources.readers import HEAD_BYTES, READERS, Recognise, register_reader
+from core.recordings.sources.readers import HEAD_BYTES, READERS, Recognise, recognised, register_reader
 from core.recordings.sources.ros import open_bag
 from core.recordings.sources.ros.bags import MCAP_MAGIC, ROS1_MAGIC, SQLITE_MAGIC, is_bag_folder
 from core.recordings.sources.sony_rallies import is_sony_file, is_sony_folder, open_sony_file, open_sony_folder
@@ -69,9 +69,8 @@ def _open_file(path: Path, sensor: SensorSize | None) -> list[EventSource]:
         raise RecordingError("the file is a pointer of Git LFS, not the file it stands for", where=path, remedy=remedy)
     if head.lstrip()[:14].lower().startswith((b"<!doctype html", b"<html")):
         raise RecordingError("the file is a web page: a download has failed", where=path, remedy="fetch it again")
-    for reader in reversed(list(READERS.values())):
-        if reader.recognises(path, head):
-            return reader.opens(path, sensor)
+    if (reader := recognised(path, head)) is not None:
+        return reader.opens(path, sensor)
     if head[:1] == b"\x80" and head[1:2] in (b"\x02", b"\x03", b"\x04", b"\x05"):
         raise pickled(path)
     if (packed := compression_of(head)) is not None:
@@ -194,16 +193,15 @@ def _starts_with(*starts: bytes) -> Recognise:
 
 
 # The last that recognises a file opens it: what can be anything stands first.
-register_reader("text", _is_text, open_text, "CSV", (".csv",))
-register_reader("hdf5", lambda path, head: h5py.is_hdf5(path), _open_hdf5, "HDF5", (".hdf5",))
+register_reader("text", _is_text, open_text, "CSV", (".csv",), (".csv",))
+register_reader("hdf5", lambda path, head: h5py.is_hdf5(path), _open_hdf5, "HDF5", (".hdf5",), (".h5", ".hdf5"))
 register_reader("prophesee-raw", _is_raw, open_prophesee_raw, "Prophesee RAW", (".raw",))
 register_reader("prophesee-dat", _is_dat, open_dat, "Prophesee DAT", (".dat",))
 register_reader("numpy", _starts_with(b"\x93NUMPY"), open_numpy, "NumPy", (".npy",))
 register_reader("matlab", _starts_with(MAT5_MAGIC), open_matlab, "MATLAB", (".mat",))
-register_reader("numpy-archive", _starts_with(b"PK\x03\x04"), _open_archive, "NumPy", (".npz",))
-register_reader(
-    "bag", _starts_with(ROS1_MAGIC, MCAP_MAGIC, SQLITE_MAGIC), open_bag, "bag of ROS", (".bag", ".mcap", ".db3")
-)
+register_reader("numpy-archive", _starts_with(b"PK\x03\x04"), _open_archive, "NumPy", (".npz",), (".npz",))
+_BAGS: Final = (".bag", ".mcap", ".db3")
+register_reader("bag", _starts_with(ROS1_MAGIC, MCAP_MAGIC, SQLITE_MAGIC), open_bag, "bag of ROS", _BAGS, _BAGS)
 register_reader("event-stream", _starts_with(b"Event Stream"), open_es, "Event Stream", (".es",))
 register_reader("aedat4", _starts_with(b"#!AER-DAT"), _open_aedat, "AEDAT", (".aedat4", ".aedat"))
 READERS.mark_built_in()

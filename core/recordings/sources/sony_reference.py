@@ -22,7 +22,7 @@ from core.recordings.truth import BallTruth
 
 LABEL_SUFFIX: Final = "_label.h5"
 INSTANT_US: Final = 500
-"""Of a row within its millisecond, as of a label."""
+"""A row's instant within its millisecond, as that of a label."""
 FOLDER: Final = "metadata"
 UP: Final = 4
 """Folders above the events in which that one may lie."""

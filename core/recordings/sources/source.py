@@ -52,7 +52,7 @@ class Fact(NamedTuple):
 MICROSECONDS: Final = Fact("microseconds", Whence.FORMAT)
 POLARITY_BIT: Final = Fact("0 = OFF, 1 = ON", Whence.FORMAT)
 BINARY_FACTS: Final[Mapping[str, Fact]] = MappingProxyType({TIME_UNIT: MICROSECONDS, POLARITY: POLARITY_BIT})
-"""Of formats that define both."""
+"""Facts about formats that define both."""
 
 
 class Columns(NamedTuple):
@@ -103,7 +103,7 @@ class DecodeReport:
     """What a decoder says beside its events; it grows while they are read."""
 
     share: float = 0.0
-    """Of the source that has been read, 0..1."""
+    """Share of the source that has been read, 0..1."""
     notes: list[str] = field(default_factory=list)
     triggers: list[Triggers] = field(default_factory=list)
     stated: Stated = Stated()
@@ -154,7 +154,7 @@ class PictureTrack:
     """The pictures in a foreign file, all of one size, in order of time."""
 
     name: str | None
-    """Of the camera; None for the event camera itself, which takes pictures too."""
+    """Name of the camera; None for the event camera itself, which takes pictures too."""
     sensor: SensorSize
     read: Callable[[DecodeReport], Iterator[TimedPicture]]
 
@@ -164,7 +164,7 @@ class EventSource:
     """The events of one camera in a foreign file. They can be read once."""
 
     name: str
-    """Of the camera, as the file calls it, or "camera"."""
+    """Name of the camera, as the file calls it, or "camera"."""
     format: str
     """For people: "Prophesee EVT3"."""
     sensor: SensorSize
@@ -174,7 +174,7 @@ class EventSource:
     calibration: Camera | None = None
     """As the file itself tells."""
     pictures: tuple[PictureTrack, ...] = ()
-    """Of this camera and of ordinary cameras on the same clock."""
+    """Pictures of this camera and of ordinary cameras on the same clock."""
     sensor_from: Whence = Whence.FILE
     """Where the sensor's size is from."""
     facts: Mapping[str, Fact] = field(default_factory=dict)

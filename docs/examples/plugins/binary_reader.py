@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from core.errors import RecordingError
-from core.events import Events, SensorSize
-from core.recordings.sources import BINARY_FACTS, DecodeReport, EventSource, register_reader
+from core.events import SensorSize
+from core.recordings.sources import Columns, DecodeReport, EventSource, make_source, register_reader
 
 MAGIC = b"EVB1"
 HEADER = np.dtype([("magic", "S4"), ("width", "<u2"), ("height", "<u2")])
@@ -31,15 +31,15 @@ def opens(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     header = np.fromfile(path, HEADER, 1)[0]
     size = sensor or SensorSize(int(header["width"]), int(header["height"]))
 
-    def read(report: DecodeReport) -> Iterator[Events]:
+    def decode(report: DecodeReport) -> Iterator[Columns]:
         whole, rest = divmod(path.stat().st_size - HEADER.itemsize, EVENT.itemsize)
         for first in range(0, whole, PART):
             rows = np.fromfile(path, EVENT, PART, offset=HEADER.itemsize + first * EVENT.itemsize)
-            yield Events.from_columns(rows["t"], rows["x"], rows["y"], rows["on"] > 0, size)
+            yield Columns(rows["t"], rows["x"], rows["y"], rows["on"] > 0)
             report.share = (first + len(rows)) / whole
         report.leave_out("bytes at the end", rest, f"{path.name}: the last event is cut off.")
 
-    return [EventSource("camera", "EVB1", size, read, facts=BINARY_FACTS)]
+    return [make_source(path, "camera", "EVB1", size, decode)]
 
 
 register_reader("binary-events", recognises, opens, "EVB events", (".evb",))

@@ -33,7 +33,7 @@ from tests.waiting import eventually
 
 SPACE = (slice(0, 720), slice(320, 870))
 TABLE_RGB = (48, 122, 202)
-TIME_JS = "document.getElementById('rallyscope-time').value"
+TIME_JS = "document.getElementById('rallyscope-us').textContent"
 
 
 @pytest.fixture(scope="module")
@@ -69,8 +69,8 @@ def the_table_is_there_and_balls_come_back(live_window, live_lab) -> None:
     eventually(lambda: rally.player.snapshot.returned >= 2, "two balls to be returned through perception")
     assert live_window.state.playhead.following
     live_window.wait_for_pixels("live", lambda image: count_like(image, TABLE_RGB, 45) > 20_000, SPACE)
-    spots = rally.history.at(rally.history.followed_us, {}).picture.spots
-    assert len(spots) >= 2
+    spots = lambda: rally.history.at(rally.history.followed_us, {}).picture.spots  # noqa: E731
+    eventually(lambda: len(spots()) >= 2, "where they came down")  # the chain may be a little behind the outcomes
 
 
 def a_page_that_the_processor_draws_is_spared_while_the_rally_runs(live_window) -> None:
@@ -183,10 +183,10 @@ def rests(rally: LiveRally) -> bool:
 
 def the_clock_stops_for_everybody_and_the_picture_with_it(live_window, live_lab) -> None:
     rally = rally_of(live_lab)
-    live_window.press("Stop the clock")
+    live_window.press("Pause")
     eventually(lambda: rally.state.paused, "the simulation to pause")
     stood_us = rally.state.t_us
-    live_window.press("Step 10 ms")
+    live_window.press("+10 ms")
     eventually(lambda: rally.state.t_us == stood_us + 10_000, "one block of 10 ms")
     live_window.press("Run")
     eventually(lambda: not rally.state.paused, "the simulation to run")
@@ -271,7 +271,7 @@ def test_labels_of_the_live_rally_belong_to_a_recording_that_it_is_frozen_into(l
     mode = live_window.session._modes["Label"]
     eventually(lambda: mode._editor is not None and mode._pictures.shown is not None, "Label of the live rally")
     live_window.session.later(lambda: mode._use_name("lena"))
-    said = live_window.page.get_by_text("live: the first label freezes it into a recording")
+    said = live_window.page.get_by_text("live: the first label saves it as a recording")
     eventually(lambda: said.count() == 2, "it to be said in the panel and under the picture")
     assert not live_window.page.get_by_text("times checked").count()  # there is no end of a live rally
     live_window.screenshot("live-label")
@@ -280,7 +280,7 @@ def test_labels_of_the_live_rally_belong_to_a_recording_that_it_is_frozen_into(l
     shown = mode._pictures.shown.plan.main
     live = rally_of(live_lab).recording.cameras[mode._editor.labelling.view.camera].slice(*shown.window_us)
     live_window.page.keyboard.press("x")
-    live_window.page.get_by_text("Freezing the live rally", exact=True).wait_for(state="attached")
+    live_window.page.get_by_text("Saving the live rally", exact=True).wait_for(state="attached")
     eventually(lambda: live_window.state.recording.startswith("live-"), "the frozen recording to open")
     eventually(lambda: mode._editor is not None and len(mode._editor.labelling.here.labels) == 1, "the label in it")
     now = mode._editor.labelling
@@ -339,9 +339,9 @@ def a_trained_policy_plays_and_what_it_returns_is_counted(live_window, live_lab)
     eventually(lambda: any(rate.conditions.controller == "learned" for rate in rally.returns.rates()), "its ball")
     live_window.page.get_by_text("learned · ball").wait_for()
     live_window.screenshot("live-returned")
-    live_window.press("Stop the clock")  # the next ball would be counted at once
+    live_window.press("Pause")  # the next ball would be counted at once
     eventually(lambda: rally.state.paused, "the simulation to pause")
-    live_window.press("Count anew")
+    live_window.press("Reset counts")
     live_window.page.get_by_text("learned · ball").wait_for(state="hidden")
     assert rally.history.at(rally.history.followed_us, {}).picture.spots == (), "the landing spots are of the old count"
     live_window.press("Run")

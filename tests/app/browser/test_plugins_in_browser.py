@@ -62,8 +62,8 @@ def page(chromium: Browser, address: str, tmp_path: Path) -> Iterator[Page]:
     (tmp_path / "data" / "browsers" / f"{browser}.seen").write_text(f"\n{TOUR}\n")
     page.goto(f"{address.rstrip('/')}/?fixedDpr=1")
     page.get_by_role("button", name="Tune", exact=True).first.click()
-    page.get_by_label("Time [µs]").fill(str(BALL_US))
-    page.get_by_label("Time [µs]").press("Enter")
+    page.get_by_label("Time", exact=True).fill(str(BALL_US))
+    page.get_by_label("Time", exact=True).press("Enter")
     page.get_by_text("ball at").first.wait_for()
     yield page
     page.close()

@@ -75,7 +75,7 @@ def test_a_replayed_recording_is_watched_recorded_tuned_and_labelled_and_a_lost_
         eventually(lambda: rally.history.predicted_hits(), "the ball to be seen and predicted")
         page.get_by_text("There is no robot").wait_for()
         page.get_by_text("Hit predicted before the bounce").first.wait_for()
-        for name in ("Serve", "Count anew"):
+        for name in ("Serve", "Reset counts"):
             assert not page.get_by_role("button", name=name, exact=True).count()
         page.get_by_text("Layers", exact=True).click()
         page.get_by_text("Uncertainty", exact=True).wait_for()

@@ -89,7 +89,7 @@ def modes_are_chosen_by_key_wherever_the_focus_is_but_in_a_field(window) -> None
     window.page.get_by_role("button", name="Play", exact=True).focus()
     window.page.keyboard.press("Shift+Digit2")
     eventually(lambda: window.state.mode == "Tune", "Tune")
-    field = window.page.get_by_label("Time [µs]")
+    field = window.page.get_by_label("Time", exact=True)
     field.focus()
     window.page.keyboard.press("Shift+Digit1")
     field.blur()

@@ -16,6 +16,7 @@ from tests.waiting import eventually
 
 YELLOW, GREEN = (255, 225, 60), (165, 225, 40)
 BALL_US = 300_000
+COLOUR = "mark => getComputedStyle(mark).backgroundColor"
 RADIUS_MAX = ("localise", "radius_max_px")
 
 
@@ -34,6 +35,10 @@ def test_it_begins_with_refined_and_the_file_that_is_saved_names_it(window, work
     window.seek(BALL_US)
     window.press("Tune")
     window.page.get_by_text("moves (").first.wait_for()
+    plot = window.page.get_by_role("img", name=re.compile("^residuals"))
+    panel = window.page.locator("[data-scrollarea-viewport]").filter(has=plot).last.bounding_box()
+    box = plot.bounding_box()
+    assert box["y"] + box["height"] <= panel["y"] + panel["height"], "the residuals are seen without scrolling"
     assert window.field("motion [px]").is_visible()
     window.fill(window.field("Name"), "mine")
     window.press("Save")
@@ -143,7 +148,7 @@ def a_rejected_ball_stays_in_view_in_red_and_its_verdict_leads_to_its_sliders(tu
     assert slider.bounding_box()["y"] > 720
     tune.page.get_by_role("link", name=re.compile(r"radius .* > 5")).first.click()
     eventually(lambda: 0 < slider.bounding_box()["y"] < 720, "the slider of the limit")
-    assert slider.evaluate("mark => getComputedStyle(mark).backgroundColor") == "rgb(255, 140, 40)"
+    eventually(lambda: slider.evaluate(COLOUR) == "rgb(255, 140, 40)", "its mark")
     tune.screenshot("tune-verdict")
 
 
@@ -233,11 +238,13 @@ def a_number_may_be_typed_through_values_that_do_not_go_with_the_others(tune, mo
     monkeypatch.setattr(settings, "REST_S", float("inf"))  # however long it takes from one letter to the next
     largest.dblclick()
     tune.page.keyboard.type("30", delay=200)
+    tune.page.keyboard.press("Enter")
     eventually(lambda: tune.state.config.localise.radius_max_px == 30, "the largest radius")
     assert float(largest.input_value()) == 30 and complaint.count() == 0
 
     monkeypatch.undo()
     largest.fill("3")  # and no more of it
+    largest.press("Enter")
     complaint.wait_for()
     eventually(lambda: float(largest.input_value()) == 30, "the value that is used")
 
@@ -249,7 +256,7 @@ def a_config_is_scored_over_the_recording(tune) -> None:
     row.wait_for()
     tune.screenshot("score")
     assert re.search(r"\t\d\.\d\d ms", row.inner_text()), "the newest answer is a few windows old at most"
-    tune.fill(tune.field("Delay of my system [ms]"), "30")
+    tune.fill(tune.field("Extra latency [ms]"), "30")
     row.get_by_text(re.compile(r"^3\d\.\d\d ms$")).wait_for()
     tune.screenshot("score-in-time")
 
@@ -355,7 +362,7 @@ def methods_are_compared_over_the_recording_and_a_click_on_a_miss_jumps_there(tu
     misses.first.click()
     eventually(lambda: tune.state.tune.method == "refined", "the method whose miss it is")
     tune.press("false")
-    tune.page.get_by_text("answers are false").wait_for()
+    tune.page.get_by_text("answers are wrong").wait_for()
     tune.screenshot("compare-false")
     for reference in ("refined", "fe-fusion"):  # one of those that are compared, and one that is not
         choose(tune, "Reference", reference)
@@ -434,8 +441,8 @@ def test_the_default_method_shows_its_stages_and_a_verdict_leads_to_its_slider(w
     for stage in ("search", "edge points", "fit", "track", "result"):
         before = window.session.sheet.pictures[0].png
         window.press(stage)
+        eventually(lambda stage=stage: window.state.tune.stage == stage, stage)
         eventually(lambda before=before: window.session.sheet.pictures[0].png != before, f"the picture of {stage}")
-        assert window.state.tune.stage == stage
     window.press("fit")
     window.fill(window.field("Zoom"), "8")
     window.page.get_by_role("img", name="residuals").first.wait_for()
@@ -449,4 +456,4 @@ def test_the_default_method_shows_its_stages_and_a_verdict_leads_to_its_slider(w
     verdict.click()
     slider = window.page.locator("#setting-refined-points-min")
     eventually(lambda: 0 < slider.bounding_box()["y"] < 720, "the slider of the limit")
-    assert slider.evaluate("mark => getComputedStyle(mark).backgroundColor") == "rgb(255, 140, 40)"
+    eventually(lambda: slider.evaluate(COLOUR) == "rgb(255, 140, 40)", "its mark")

@@ -77,8 +77,7 @@ class Window:
         page.goto(f"http://127.0.0.1:{lab.port}/?fixedDpr={dpr:g}")
         # The software renderer makes viser show a note over the upper left corner: let clicks through.
         page.add_style_tag(content="[class*=mantine-Notification] { pointer-events: none !important; }")
-        eventually(lambda: set(lab.sessions) - before, "the browser to connect")
-        (self.session,) = set(lab.sessions) - before
+        (self.session,) = eventually(lambda: set(lab.sessions) - before, "the browser to connect")
         eventually(lambda: self.session.state, "the recording to be open")
         if not in_space:
             self.session.send(ShowSpace(False))
@@ -193,7 +192,7 @@ class Window:
 
     def seek(self, t_us: int) -> None:
         """Go to a time by its field, and have the page know that it is there."""
-        field = self.page.get_by_label("Time [µs]")
+        field = self.page.get_by_label("Time", exact=True)
         field.fill(str(t_us))
         field.press("Enter")
         field.blur()
@@ -252,8 +251,9 @@ def field_of(page: Page, label: str) -> Locator:
 
 
 def fill(field: Locator, text: str) -> None:
-    """Type into a field, and return once the page has sent it."""
+    """Type into a field and leave it, and return once the page has sent it."""
     field.fill(text)
+    field.blur()
     wait_until_sent(field.page)
 
 

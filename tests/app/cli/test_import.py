@@ -119,18 +119,29 @@ def test_force_with_a_source_that_cannot_be_read_keeps_the_old_file(tmp_path, ca
     assert target.read_text() == "precious"
 
 
+HELD_AFTER_A_BLOCK = """
+import sys, threading
+from app.cli import main
+from core.recordings import RecordingWriter
+
+append = RecordingWriter.append
+
+def append_and_wait(writer, *block):
+    append(writer, *block)
+    threading.Event().wait()
+
+RecordingWriter.append = append_and_wait
+sys.exit(main())
+"""
+"""An import that is never over by itself, so that Ctrl-C comes in the middle of it."""
+
+
 @pytest.mark.gate
-def test_control_c_ends_the_import_and_leaves_no_file(tmp_path):
-    source = tmp_path / "big.csv"
-    with source.open("w") as file:
-        for block in range(12):
-            rows = np.arange(100_000) + block * 100_000
-            np.savetxt(file, np.stack([rows, rows % 300, rows % 200, rows % 2], axis=1), fmt="%d", delimiter=",")
+def test_control_c_ends_the_import_and_leaves_no_file(tmp_path, csv):
     target = tmp_path / "a.h5"
     process = subprocess.Popen(
-        [sys.executable, "-c", "import sys; from app.cli import main; sys.exit(main())", "import", source, target],
-        stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        [sys.executable, "-c", HELD_AFTER_A_BLOCK, "import", csv, target], stderr=subprocess.PIPE, text=True
+    )
     eventually(lambda: target.exists() or process.poll() is not None, "the import to begin")
     os.kill(process.pid, signal.SIGINT)
     _, err = process.communicate()

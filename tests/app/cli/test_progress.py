@@ -5,6 +5,7 @@ import os
 import pty
 import sys
 import termios
+from types import SimpleNamespace
 
 import pytest
 
@@ -18,6 +19,7 @@ def test_without_a_terminal_work_that_lasts_says_how_far_it_is(
 ) -> None:
     monkeypatch.setattr(progress, "QUIET_S", 0.05)
     monkeypatch.setattr(progress, "SAY_EVERY_S", 0.05)
+    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: 7.0))  # however late the lines are said
     with progress_bar("Measuring simulation") as show:
         said = read_until(capsys, "so far")  # nothing is known yet, and yet it says something
         show(0.25)

@@ -33,7 +33,7 @@ from tests.core.devices.replayed_hardware import Replayed, ReplayedLibrary
 from core.recordings import open_recording
 recording = open_recording(Path(sys.argv[1]))
 library = ReplayedLibrary({
-    str(k): Replayed(stream=stream, duration_us=recording.duration_us)
+    str(k): Replayed(stream=stream, duration_us=recording.duration_us, ring=10**9)  # a slow machine loses nothing
     for k, stream in enumerate(recording.cameras.values())
 })
 neuromorphic.load_driver = lambda: library
@@ -55,7 +55,7 @@ def plugged_in(serve_recording, monkeypatch):
     with open_recording(serve_recording) as recording:
         duration_us = recording.duration_us
         seen = {
-            str(k): Replayed(stream=stream, duration_us=duration_us)
+            str(k): Replayed(stream=stream, duration_us=duration_us, ring=10**9)  # a slow machine loses nothing
             for k, stream in enumerate(recording.cameras.values())
         }
         library = ReplayedLibrary(seen)

@@ -81,12 +81,12 @@ def test_nothing_is_left_of_one_that_is_cancelled_or_has_no_room(workspace, libr
 
 
 def test_what_a_killed_app_left_goes_and_what_is_being_sent_stays_whatever_the_clock_says(workspace) -> None:
-    code = "import sys, time; from pathlib import Path; from app.shared.files import incoming_folder; " + (
+    code = "import sys; from pathlib import Path; from app.shared.files import incoming_folder; " + (
         "from app.shared.workspace import Workspace; folder = incoming_folder(Workspace(Path(sys.argv[1]))); "
-        "(folder / 'half.raw').write_bytes(b'x'); print(folder, flush=True); time.sleep(60)"
+        "(folder / 'half.raw').write_bytes(b'x'); print(folder, flush=True); sys.stdin.read()"
     )
     command = [sys.executable, "-c", code, str(workspace.root)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
         assert other.stdout is not None
         theirs, ours = Path(other.stdout.readline().strip()), incoming_folder(workspace)
         for folder in (theirs, ours):

@@ -89,6 +89,14 @@ def test_beyond_this_machine_any_name_is_right_but_its_page_must_be_its_own() ->
     assert admission.judge(caller(lab)) == "needs token"
 
 
+def test_what_moves_machines_asks_for_a_token_on_this_machine_too() -> None:
+    admission = Admission.of_address("127.0.0.1", None, moves_machines=True)
+    assert admission.local and admission.token is not None
+    assert admission.judge(caller()) == "needs token"
+    assert admission.judge(caller(token=admission.token)) == "come in"
+    assert Admission.of_address("127.0.0.1", "a-token-of-my-own", moves_machines=True).token == "a-token-of-my-own"
+
+
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "::1"])
 def test_on_this_machine_no_token_is_needed(host: str) -> None:
     assert Admission.of_address(host, None) == Admission(True, None)

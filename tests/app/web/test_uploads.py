@@ -21,6 +21,7 @@ PAGE = "page-that-is-open"
 @pytest.fixture(scope="module")
 def door() -> Iterator[Gateway]:
     door = Gateway("127.0.0.1", 0, Admission())
+    door.pages.uploads._piece_within_s = PATIENCE_S
     yield door
     door.server.stop()
 
@@ -150,10 +151,13 @@ def test_one_that_is_given_up_in_the_middle_leaves_nothing(door, folder, receive
 
 def test_one_that_stops_sending_is_given_up(door, folder, received) -> None:
     uploads = door.pages.uploads
-    uploads._piece_within_s, usual_s = 0.2, uploads._piece_within_s
+    usual_s = uploads._piece_within_s
     try:
         with uploading(door) as socket:
             announce(socket, "a.raw", 1000)
+            uploads._piece_within_s = 0.2  # from the next piece but one on: its wait for the next one has begun
+            socket.send(b"x" * 500)
+            assert said(socket) == {"got": 500}
             assert "timed out" in said(socket)["refused"]
     finally:
         uploads._piece_within_s = usual_s

@@ -25,6 +25,8 @@ PACKET_US: Final = 1000
 MAX_MERGED: Final = 64
 """Packets that the library makes one of, if they have waited."""
 RING: Final = 4096
+ENDLESS: Final = 10**9
+"""A ring in which everything finds room, however long the machine stands still."""
 
 
 class RecordedStream(Protocol):

@@ -31,6 +31,7 @@ def client(request):
     thread = threading.Thread(target=server.run, args=(ended.is_set,))
     thread.start()
     client = SimulationClient(server.address, timeout_s=PATIENCE_S)
+    client.wait_for_messages()  # else the first blocks may be published before the subscription arrives
     yield client
     client.close()
     ended.set()

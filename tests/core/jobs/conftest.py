@@ -35,6 +35,10 @@ class DaskCluster:
         self.address = parse_json(place.read_text())["address"]
         for _ in range(workers):
             self.add_worker(*more, **environment)
+        eventually(lambda: self._registered() == workers, "the workers to be known to the scheduler", self._registered)
+
+    def _registered(self) -> int:
+        return sum(b"Registered to" in log.read_bytes() for log in self.folder.glob("worker-*.log"))
 
     def add_worker(self, *more: str, **environment: str) -> subprocess.Popen:
         place = ("--local-directory", str(self.folder), "--host", "127.0.0.1", "--no-dashboard")
@@ -63,11 +67,11 @@ class DaskCluster:
 
 
 @pytest.fixture
-def free_port() -> int:
-    """Where nobody listens."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+def free_port() -> Iterator[int]:
+    """Where nobody listens, and nobody can: it is held meanwhile."""
+    with socket.socket() as holder:
+        holder.bind(("127.0.0.1", 0))
+        yield holder.getsockname()[1]
 
 
 @pytest.fixture(autouse=True)

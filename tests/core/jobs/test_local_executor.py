@@ -2,6 +2,8 @@
 
 import multiprocessing
 import os
+from collections.abc import Callable
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 import pytest
@@ -13,7 +15,14 @@ from core.jobs.local_executor import TRIES
 TWO = JobBackend(jobs=2)
 
 
-def test_results_are_in_order_and_the_same_to_the_last_bit_here_and_in_processes() -> None:
+@pytest.fixture
+def left_over() -> Callable[[], set[BaseProcess]]:
+    """Processes that live and did not when the test began: this one may have some of other tests."""
+    before = set(multiprocessing.active_children())
+    return lambda: set(multiprocessing.active_children()) - before
+
+
+def test_results_are_in_order_and_the_same_to_the_last_bit_here_and_in_processes(left_over) -> None:
     from pieces import digest
 
     seeds, heard, shares = list(range(7)), [], []
@@ -27,7 +36,7 @@ def test_results_are_in_order_and_the_same_to_the_last_bit_here_and_in_processes
     assert here == there and len(set(here)) == 7
     assert sorted(heard) == list(enumerate(here))
     assert shares == sorted(shares) and shares[-1] == 1.0
-    assert not multiprocessing.active_children()
+    assert not left_over()
 
 
 def test_nothing_to_do_is_done() -> None:
@@ -46,7 +55,7 @@ def test_the_piece_of_a_process_that_was_killed_is_done_again(tmp_path: Path, ca
     assert (tmp_path / "died-1").exists() and f"tried again (2 of {TRIES})" in caplog.text
 
 
-def test_a_piece_that_kills_every_process_is_given_up_in_one_line_and_the_others_are_done() -> None:
+def test_a_piece_that_kills_every_process_is_given_up_in_one_line_and_the_others_are_done(left_over) -> None:
     from pieces import die
 
     heard = []
@@ -54,19 +63,19 @@ def test_a_piece_that_kills_every_process_is_given_up_in_one_line_and_the_others
         jobs.run(die, [0, 1, 2, 3], name=lambda piece: f"ball-{piece}", done=lambda number, _: heard.append(number))
     assert "\n" not in str(error.value) and "got ball-1;" in str(error.value)
     assert sorted(heard) == [0, 2, 3]
-    assert not multiprocessing.active_children()
+    assert not left_over()
 
 
 @pytest.mark.parametrize("engine", [JobBackend(jobs=1), TWO], ids=["here", "processes"])
-def test_an_error_of_a_piece_is_raised_as_it_is(engine: JobBackend) -> None:
+def test_an_error_of_a_piece_is_raised_as_it_is(engine: JobBackend, left_over) -> None:
     from pieces import fail
 
     with pytest.raises(ConfigError, match="no such serve; expected 3 to 9, got 2"), open_jobs(engine, 4) as jobs:
         jobs.run(fail, [0, 1, 2, 3])
-    assert not multiprocessing.active_children()
+    assert not left_over()
 
 
-def test_what_is_cancelled_ends_at_once_and_leaves_no_process(tmp_path: Path) -> None:
+def test_what_is_cancelled_ends_at_once_and_leaves_no_process(tmp_path: Path, left_over) -> None:
     from pieces import slowly
 
     begun = []
@@ -78,7 +87,7 @@ def test_what_is_cancelled_ends_at_once_and_leaves_no_process(tmp_path: Path) ->
             cancelled=lambda: bool(begun),
         )
     assert begun == [pytest.approx(share, abs=0.13) for share in begun], "a half or two of four pieces"
-    assert not multiprocessing.active_children()
+    assert not left_over()
     marks = {int(path.name.rpartition("-")[2]) for path in tmp_path.glob("begun-*")}
     assert marks and not any(Path(f"/proc/{process}").exists() for process in marks - {os.getpid()})
 

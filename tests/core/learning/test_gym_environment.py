@@ -6,7 +6,6 @@ import re
 import subprocess
 import sys
 import warnings
-from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import gymnasium
@@ -26,7 +25,6 @@ from core.learning.task.environment import draw_serve_batch, play
 from core.learning.task.reward import episode_rewards, reward_weights
 from core.learning.vector_environment import VectorReturn
 from core.physics.episode import Case
-from core.text import parse_toml
 
 pytestmark = pytest.mark.numeric
 ROOT = Path(__file__).parents[3]
@@ -59,14 +57,6 @@ def test_both_checkers_are_content_without_a_warning(kind: str) -> None:
 )
 def test_it_is_made_by_its_name_in_a_new_process(code: str) -> None:
     subprocess.run([sys.executable, "-W", "error", "-c", f"import gymnasium; {code}"], check=True, cwd=ROOT)
-
-
-def test_the_package_names_its_environments_as_an_entry_point() -> None:
-    project = parse_toml((ROOT / "pyproject.toml").read_text())["project"]
-    (value,) = project["entry-points"]["gymnasium.envs"].values()
-    gymnasium.registry.pop(RETURN_ID)
-    EntryPoint("__root__", value, "gymnasium.envs").load()()
-    assert RETURN_ID in gymnasium.registry
 
 
 def test_a_chosen_racket_is_a_fourth_number_that_counts() -> None:

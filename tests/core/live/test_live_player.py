@@ -27,6 +27,7 @@ from core.physics.episode import Case
 from core.physics.task import task_profile
 from core.simulation.event_cameras.event_camera import BLOCK_US
 from tests.core.live.stepped import play_block
+from tests.ports import lasting_address
 from tests.waiting import PATIENCE_S, eventually
 
 SLOW = 0.4
@@ -52,20 +53,22 @@ def serving(
 
 @pytest.fixture(scope="module")
 def rally() -> Iterator[tuple[SimulationClient, LivePlayer, list[RallySnapshot]]]:
-    """A client and a player that has played two balls, the second one at 5 m/s and in steps; what was seen of that."""
+    """A client and a player that has played balls, the last one at 5 m/s and in steps; what was seen of that one."""
     with serving() as address:
         client = SimulationClient(address, timeout_s=PATIENCE_S)
         player = LivePlayer(client)
         eventually(lambda: player.snapshot.t_us > 0, "the first block to be played")
         client.set_speed(SLOW)
-        client.launch((1.0, 0.0, 0.3), (-4.0, 0.0, 1.0))
-        eventually(lambda: player.snapshot.played == 1, "the first ball to be judged")
-        eventually(lambda: player.snapshot.phase == "idle", "its flight to be over")
+        while not player.snapshot.health.commands_sent:  # a busy machine may see too little of a ball
+            played = player.snapshot.played
+            client.launch((1.0, 0.0, 0.3), (-4.0, 0.0, 1.0))
+            eventually(lambda: player.snapshot.played > played, "the ball to be judged")  # noqa: B023
+            eventually(lambda: player.snapshot.phase == "idle", "its flight to be over")
         client.pause()
         play_block(client, player)
         client.serve(5.0)
-        seen = [player.snapshot]
-        while player.snapshot.played < 2:
+        played, seen = player.snapshot.played, [player.snapshot]
+        while player.snapshot.played == played:
             play_block(client, player)
             seen.append(player.snapshot)
         client.resume()
@@ -75,8 +78,8 @@ def rally() -> Iterator[tuple[SimulationClient, LivePlayer, list[RallySnapshot]]
 
 
 def test_a_ball_from_a_seed_is_returned_near_its_goal(rally) -> None:
-    _, player, _ = rally
-    ball = player.snapshot.finished[1]
+    _, player, seen = rally
+    ball = seen[-1].finished[-1]
     assert ball.returned and ball.case is Case.RETURNED
     assert ball.speed_mps == pytest.approx(5.0)
     assert ball.error_m < 0.25 and ball.error_m == pytest.approx(np.hypot(*(ball.landing_m - ball.goal_m)))
@@ -87,8 +90,8 @@ def test_a_ball_from_a_seed_is_returned_near_its_goal(rally) -> None:
 
 
 def test_snapshots_tell_the_story_of_a_flight(rally) -> None:
-    _, player, seen = rally
-    serve_us = player.snapshot.finished[1].serve_us
+    _, _, seen = rally
+    serve_us = seen[-1].finished[-1].serve_us
     of_ball = [one.newest for one in seen if one.newest is not None and serve_us < one.newest.t_us]
     pre = next(found for found in of_ball if found.stage == "pre")
     post = next(found for found in of_ball if found.stage == "post")
@@ -108,8 +111,8 @@ def test_what_is_seen_is_where_the_truth_is(rally) -> None:
 
 
 def test_the_racket_moves_to_where_the_ball_is_expected(rally) -> None:
-    _, player, seen = rally
-    decision = player.snapshot.finished[1].decision
+    _, _, seen = rally
+    decision = seen[-1].finished[-1].decision
     nearest = min(np.linalg.norm(one.racket.p_world_m - decision.target.p_m) for one in seen)
     assert nearest < 0.06
     assert np.linalg.norm(seen[0].racket.p_world_m - decision.target.p_m) > 0.1
@@ -207,8 +210,8 @@ def test_nobody_says_how_balls_fly_unless_asked(rally) -> None:
 
 
 def test_a_server_that_is_killed_and_started_again_is_played_on() -> None:
-    with serving(seed=1, width=320, height=240) as address:
-        client = SimulationClient(address, timeout_s=3.0)
+    with serving(lasting_address(), seed=1, width=320, height=240) as address:
+        client = SimulationClient(address, timeout_s=PATIENCE_S)
         player = LivePlayer(client, config=LivePlayerConfig(knows_physics=True))
         eventually(lambda: player.snapshot.t_us > 100_000, "0.1 s to be played")
         first = player.snapshot.session

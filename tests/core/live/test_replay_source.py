@@ -171,6 +171,7 @@ def test_a_block_comes_at_its_time_and_never_before_it(pair, speed):
                 super().on_state(state)
 
         stamps = Stamps(source, 40)
+        eventually(lambda: clock.now_s > 1000.0, "the replay to rest")  # until it has a listener it looks no more
         began_s = clock.now_s
         source.add_listener(stamps)
         assert stamps.done.wait(PATIENCE_S)

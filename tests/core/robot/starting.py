@@ -1,6 +1,8 @@
-"""A robot is started, on a machine that may be busy: an answer that took too long is asked for again."""
+"""A robot is started, on a machine that may be busy: an answer that took too long is asked for again, a robot that was
+lost meanwhile is waited for.
+"""
 
-from core.errors import NoAnswerError
+from core.errors import NoAnswerError, TargetRefusedError
 from core.robot import RobotClient
 from tests.waiting import eventually
 
@@ -12,6 +14,10 @@ def start_until_answered(client: RobotClient) -> None:
         try:
             client.start()
         except NoAnswerError:
+            return False
+        except TargetRefusedError as refused:
+            if refused.why != "lost":
+                raise
             return False
         return True
 

@@ -12,7 +12,7 @@ import msgpack
 import numpy as np
 import pytest
 import zmq
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.errors import LinkError, NoAnswerError, TargetRefusedError
@@ -33,6 +33,7 @@ from core.robot.robot_messages import (
 from core.robot.robot_watch import RobotWatch
 from tests.core.robot.limits import LIMITS
 from tests.core.robot.starting import start_until_answered
+from tests.ports import lasting_address
 from tests.waiting import PATIENCE_S, eventually
 
 HOME, UPRIGHT, STILL = (-1.6, 0.0, 0.25), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
@@ -248,7 +249,8 @@ def test_a_clock_that_jumps_is_counted_and_nothing_is_sent_until_it_is_known_aga
         aim_until_taken(client)
 
 
-def test_a_program_that_is_started_anew_waits_for_a_person(robot: RestingRobot) -> None:
+def test_a_program_that_is_started_anew_waits_for_a_person() -> None:
+    robot = RestingRobot(lasting_address())
     with playing(robot, RobotWatchConfig(lost_ms=400.0, slow_ms=1000.0)) as client:
         robot.close()
         eventually(lambda: client.status.connection == "lost", "the loss")
@@ -273,7 +275,8 @@ def test_only_one_rallyscope_commands(robot: RestingRobot, monkeypatch: pytest.M
         other = RobotClient(robot.address, config=PATIENT)
         try:
             eventually(lambda: "another Rallyscope" in other.status.problem, "the second client to be refused")
-            assert other.status.connection == "awaited" and client.status.ready
+            assert other.status.connection == "awaited"
+            eventually(lambda: client.status.ready, "the first client to play on", lambda: client.status)
             with pytest.raises(TargetRefusedError, match="not there"):
                 other.start()
             client.close()
@@ -428,7 +431,7 @@ ANY = st.floats() | st.floats(-3.0, 3.0)
 SIXTY = st.floats() | st.floats(-1e5, 1e6)
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150)
 @given(st.lists(ANY, min_size=10, max_size=10), SIXTY, st.lists(st.floats(-0.3, 0.3), min_size=6, max_size=6), ANY)
 def test_nothing_outside_of_the_limits_is_ever_on_the_wire(bare, wanted, lead_us, present, tame) -> None:
     robot, client = bare

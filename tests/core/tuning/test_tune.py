@@ -93,9 +93,10 @@ def test_only_what_was_named_is_changed(found: TuningResult) -> None:
 def test_the_answer_is_the_same_to_the_last_bit_however_many_processes_score(
     found: TuningResult, objective: TruthObjective
 ) -> None:
+    of_others = set(multiprocessing.active_children())
     others = search(objective, jobs=2)
     assert others is not None and repr(others) == repr(found)
-    assert not multiprocessing.active_children()
+    assert set(multiprocessing.active_children()) <= of_others
 
 
 def test_progress_counts_up_to_all_trials_and_knows_the_best(objective: TruthObjective) -> None:
@@ -121,7 +122,7 @@ def test_a_search_that_is_ended_has_its_whole_batches(found: TuningResult, objec
 
 
 def test_processes_that_are_ended_leave_none_behind(objective: TruthObjective) -> None:
-    seen = 0
+    seen, of_others = 0, set(multiprocessing.active_children())
 
     def look(state: TuningProgress) -> None:
         nonlocal seen
@@ -129,7 +130,7 @@ def test_processes_that_are_ended_leave_none_behind(objective: TruthObjective) -
 
     result = search(objective, jobs=2, progress=look, cancelled=lambda: seen > 0)
     assert result is None or result.stopped
-    assert not multiprocessing.active_children()
+    assert set(multiprocessing.active_children()) <= of_others
 
 
 class Counting:

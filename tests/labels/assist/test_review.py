@@ -42,7 +42,7 @@ def test_a_label_off_the_path_comes_first_and_says_why() -> None:
     off = Label(t_us=20_000, state=LabelState.VISIBLE, x_px=140.0, y_px=62.0)
     queue = review_queue(straight(off=off))
     assert queue[0].t_us == 20_000
-    assert queue[0].reason == "12.0 px off the path of its neighbours"
+    assert queue[0].reason == "Label is 12.0 px off the neighbours' path"
     assert queue[0].score == pytest.approx(12 / QueueConfig().sigma_px, rel=0.01)
 
 
@@ -90,7 +90,7 @@ def test_a_bounce_is_no_mistake_of_labels_or_proposals_and_a_mistake_beside_it_i
     y = np.where(T < 29_000, 300 + 4e-3 * (T - 29_000), 300 - 3e-3 * (T - 29_000))
     x = 100 + T * 2e-3
     proposed = dataclasses.replace(detections(), x_px=x + noise[0], y_px=y + noise[1])
-    assert np.nanmax(residual_of_neighbours(T, x, y, max_gap_us=20_000)) > 3.0, "the path of the neighbours has a corner"
+    assert np.nanmax(residual_of_neighbours(T, x, y, max_gap_us=20_000)) > 3.0, "the neighbours' path has a corner"
     assert review_queue(label_arrays([]), proposals=proposed) == ()
     places = list(zip(T.tolist(), proposed.x_px.tolist(), proposed.y_px.tolist(), strict=True))
     labels = [Label(t_us=t, state=LabelState.VISIBLE, x_px=u, y_px=v) for t, u, v in places]
@@ -125,9 +125,9 @@ def test_what_nobody_has_judged_comes_in_the_order_in_which_it_would_change_a_sc
     )
     queue = review_queue(label_arrays(()), proposals=proposals)
     assert [item.t_us for item in queue] == [int(t_us[20]), int(t_us[40])]
-    assert "proposed 12" in queue[0].reason and "lost the ball" in queue[1].reason
+    assert "Proposal is 12" in queue[0].reason and "lost the ball" in queue[1].reason
     judged = review_queue(label_arrays(()), proposals=proposals, rejected_us=[int(t_us[20])])
-    assert int(t_us[20]) not in [item.t_us for item in judged if "proposed" in item.reason]
+    assert int(t_us[20]) not in [item.t_us for item in judged if "Proposal" in item.reason]
 
 
 def test_residuals_hold_beside_a_wrong_neighbour() -> None:

@@ -182,8 +182,8 @@ def _poses(
     frames = {topic: info.frame_id.strip("/") for topic, info in infos.items()}
     for root in [*_ROOTS, *dict.fromkeys(parent for parent, _ in transforms), *frames.values()]:
         reached = _reached(root, transforms)
-        told = all(frame in reached for frame in frames.values()) and len(set(frames.values())) == len(frames)
-        if told and (len(reached) > 1 or cameras == 1):
+        complete = all(frame in reached for frame in frames.values()) and len(set(frames.values())) == len(frames)
+        if complete and (len(reached) > 1 or cameras == 1):
             if len(reached) == 1:
                 notes.append("The bag does not tell where the camera stands: its calibration has no pose.")
             return {topic: reached[frame] for topic, frame in frames.items()}

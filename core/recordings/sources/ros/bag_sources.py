@@ -49,7 +49,7 @@ class _EventTopic:
     sensor: SensorSize
     frame_id: str
     encoding: str | None
-    """Of packets; None for arrays of records."""
+    """Encoding of packets; None for arrays of records."""
     clock_us: int
     """Added to the times in its packets to get those of ROS."""
 

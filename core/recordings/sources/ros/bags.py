@@ -33,7 +33,7 @@ class Topic:
     type: str
     """As ROS 2 spells it: sensor_msgs/msg/Image."""
     definition: str
-    """Of the message and of those in it, as text; "" where the bag does not hold it."""
+    """Definition of the message and of those in it, as text; "" where the bag does not hold it."""
     ros1: bool
     """Whether the messages are serialised as in ROS 1, and not in CDR."""
     count: int
@@ -137,7 +137,7 @@ def _open_rosbags(path: Path, kind: str) -> Bag:
         except Exception as error:
             if path.is_file() and (cut := _open_cut_bag(path, kind)) is not None:
                 return cut
-            raise RecordingError(f"the {kind} bag cannot be read", got=_said(error), where=path) from error
+            raise RecordingError(f"the {kind} bag cannot be read", got=_reason(error), where=path) from error
 
     def read(bag: Bag, topic: str) -> Iterator[tuple[int, bytes]]:
         with ExitStack() as stack:
@@ -149,7 +149,9 @@ def _open_rosbags(path: Path, kind: str) -> Bag:
             except GeneratorExit:
                 raise
             except Exception as error:  # noqa: BLE001
-                bag.notes.append(f"{path.name}, {topic}: stopped: the rest of the bag cannot be read ({_said(error)}).")
+                bag.notes.append(
+                    f"{path.name}, {topic}: stopped: the rest of the bag cannot be read ({_reason(error)})."
+                )
 
     return Bag(path, topics, read)
 
@@ -215,7 +217,7 @@ def _open_mcap(path: Path) -> Bag:
             except GeneratorExit:
                 raise
             except Exception as error:  # noqa: BLE001
-                bag.notes.append(f"{path.name}, {topic}: stopped: the rest cannot be read ({_said(error)}).")
+                bag.notes.append(f"{path.name}, {topic}: stopped: the rest cannot be read ({_reason(error)}).")
 
     return Bag(path, topics, read)
 
@@ -249,7 +251,7 @@ def _open_cut_mcap(path: Path) -> Bag:
             pass
     except Exception as error:
         if not topics:
-            raise RecordingError("the MCAP file cannot be read", got=_said(error), where=path) from error
+            raise RecordingError("the MCAP file cannot be read", got=_reason(error), where=path) from error
     return Bag(path, topics, read)
 
 
@@ -262,5 +264,5 @@ def _mcap_topic(channel: object, schema: object, count: int) -> Topic:
     return Topic(str(getattr(channel, "topic", "")), kind, definition, ros1, count)
 
 
-def _said(error: Exception) -> str:
+def _reason(error: Exception) -> str:
     return " ".join(str(error).split()) or type(error).__name__

@@ -35,7 +35,7 @@ class EventArrayMessage:
     """What one message holds."""
 
     stamp_ns: int
-    """Of its header."""
+    """Time stamp of its header."""
     frame_id: str
     width_px: int
     height_px: int
@@ -63,7 +63,7 @@ class _Cursor:
     def __init__(self, data: bytes, ros1: bool) -> None:
         self.data, self.ros1 = memoryview(data), ros1
         self.start = 0 if ros1 else 4
-        """Of the fields: CDR has four bytes in front of them, and counts its alignment from there."""
+        """Offset of the fields: CDR has four bytes in front of them, and counts its alignment from there."""
         self.at = self.start
         self.order = "<" if ros1 or (len(data) > 1 and data[1] & 1) else ">"
 

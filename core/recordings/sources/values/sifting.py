@@ -49,7 +49,7 @@ class AddressBounds(NamedTuple):
     longest: int
     """The longest pause, us."""
     lengths: NDArray[np.int64]
-    """Of clocks that may begin again at 0, us."""
+    """Lengths of clocks that may begin again at 0, us."""
     hold: bool
     """Whether a late event gets the time before it; without, it keeps its own."""
 

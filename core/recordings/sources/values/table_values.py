@@ -339,18 +339,18 @@ def _polarity(seen: Survey, stated: Stated, report: DecodeReport, where: str) ->
             remedy="give --polarity, such as --polarity 1=on,2=off",
         )
     kept = {value: on for value, on in found.items() if value in values}
-    said = ", ".join(f"{_shown(value)} = {'ON' if on else 'OFF'}" for value, on in sorted(kept.items(), key=str))
+    meanings = ", ".join(f"{_shown(value)} = {'ON' if on else 'OFF'}" for value, on in sorted(kept.items(), key=str))
     certain = all(isinstance(value, str) or value <= 1 for value in kept)
     whence = Whence.OPTION if stated.polarity is not None else Whence.FILE if certain else Whence.ASSUMED
-    report.facts[POLARITY] = Fact(said or "no events", whence)
+    report.facts[POLARITY] = Fact(meanings or "no events", whence)
     if stated.polarity is not None:
         return found
     if any(isinstance(value, float) and value > 1 for value in kept):
         wrapped = any(isinstance(value, float) and value > 1 and not on for value, on in kept.items())
         why = " (-1 in a column without a sign)" if wrapped else ""
-        report.assume(f"{where}: the polarities are read as {said}{why}.")
+        report.assume(f"{where}: the polarities are read as {meanings}{why}.")
     elif len(kept) == 1 and seen.rows > _FEW_ODD:
-        report.notes.append(f"{where}: all polarities are alike: {said}.")
+        report.notes.append(f"{where}: all polarities are alike: {meanings}.")
     return found
 
 

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import psutil
+
 from tests.waiting import PATIENCE_S, eventually
 
 
@@ -17,20 +19,39 @@ def free_port() -> int:
         return probe.getsockname()[1]
 
 
-def is_open(port: int) -> bool:
-    with socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", port)) == 0
+def listens(process: subprocess.Popen, port: int) -> bool:
+    """Whether it or a child of it does; another program may have taken the port meanwhile."""
+    try:
+        viewer = psutil.Process(process.pid)
+        family = (viewer, *viewer.children(recursive=True))
+        found = [one for each in family for one in each.net_connections("tcp")]
+    except psutil.Error:  # one of them has just ended
+        return False
+    return any(one.status == psutil.CONN_LISTEN and one.laddr.port == port for one in found)
 
 
-@contextmanager
-def viewer(saved: Path) -> Iterator[tuple[str, subprocess.Popen]]:
-    """A viewer without a window that writes what it is sent to a file."""
+def start_viewer(saved: Path) -> tuple[int, subprocess.Popen]:
+    """Its port, and a process that listens there or has ended."""
     port = free_port()
     command = [sys.executable, "-m", "rerun", "--save", str(saved), "--bind", "127.0.0.1", "--port", str(port)]
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     process = subprocess.Popen(command, start_new_session=True, **quiet)
     try:
-        eventually(lambda: is_open(port) or process.poll() is not None, "the viewer to start")
+        eventually(lambda: listens(process, port) or process.poll() is not None, "the viewer to start")
+    except AssertionError:
+        end(process)
+        raise
+    return port, process
+
+
+@contextmanager
+def viewer(saved: Path) -> Iterator[tuple[str, subprocess.Popen]]:
+    """A viewer without a window that writes what it is sent to a file."""
+    port, process = start_viewer(saved)
+    for _ in range(3):  # the port may be another program's by now
+        if process.poll() is not None:
+            port, process = start_viewer(saved)
+    try:
         assert process.poll() is None, "the viewer did not start"
         yield f"rerun+http://127.0.0.1:{port}/proxy", process
     finally:

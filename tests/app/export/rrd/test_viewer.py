@@ -1,5 +1,6 @@
 """Streaming to a Rerun viewer: here one that saves what it is sent."""
 
+import socket
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -17,7 +18,7 @@ from core.live.link.client import SimulationClient
 from core.live.link.server import ServerConfig, SimulationServer
 from core.live.ring_recording import RingRecording
 from core.recordings import open_recording
-from tests.app.export.rrd.rerun_viewer import end, entities, free_port, viewer
+from tests.app.export.rrd.rerun_viewer import end, entities, viewer
 from tests.waiting import eventually
 
 SPAN = Span(200_000, 300_000)
@@ -40,9 +41,11 @@ def test_a_viewer_is_sent_what_the_file_would_hold(serve_recording: Path, tmp_pa
 
 
 def test_where_no_viewer_is_one_line_says_so(serve_recording: Path) -> None:
-    address = f"rerun+http://127.0.0.1:{free_port()}/proxy"
-    with open_recording(serve_recording) as recording, pytest.raises(CommandError) as caught:
-        stream_recording(recording, address, SPAN, RrdContents(), name="serve")
+    with socket.socket() as nobody, open_recording(serve_recording) as recording:
+        nobody.bind(("127.0.0.1", 0))  # and does not listen: nobody else can meanwhile
+        address = f"rerun+http://127.0.0.1:{nobody.getsockname()[1]}/proxy"
+        with pytest.raises(CommandError) as caught:
+            stream_recording(recording, address, SPAN, RrdContents(), name="serve")
     assert "no Rerun viewer answers" in str(caught.value) and address in str(caught.value)
     assert "\n" not in str(caught.value)
 

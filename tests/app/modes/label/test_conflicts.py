@@ -244,7 +244,7 @@ def test_nothing_is_settled_unseen_in_a_second_look_or_without_a_comparison(desk
     desk.editor.change_view({"repeat": False})
     desk.comparer.choose("nobody")
     desk.press("take_theirs", AT_US[1])
-    assert desk.notes[-1].title == "Nobody to compare with" and desk.on_disk().at(AT_US[1]).x_px == 50.0
+    assert desk.notes[-1].title == "No second annotator is chosen" and desk.on_disk().at(AT_US[1]).x_px == 50.0
 
 
 def test_another_camera_or_annotator_is_compared_anew(desk: Desk) -> None:

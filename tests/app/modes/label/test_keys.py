@@ -1,11 +1,13 @@
 """The keys of Label, and those that come before the picture or the proposals that they judge."""
 
 import shutil
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from app.modes.label import suggestions
 from app.modes.label.editor import LabelEditor
 from app.modes.label.keys import KEYS, HeldKeys, label_keys_html
 from app.modes.label.labelling import DEFAULT_STEP_US, Labelling
@@ -104,8 +106,17 @@ def test_undo_takes_back_a_segment_that_had_to_wait(hand: Hand) -> None:
     eventually(lambda: len(hand.work.here.labels) > 10, "labels")
 
 
-def test_escape_forgets_what_waits(hand: Hand) -> None:
+def test_escape_forgets_what_waits(hand: Hand, monkeypatch: pytest.MonkeyPatch) -> None:
+    pressed, find = threading.Event(), suggestions.propose
+
+    def find_later(*given, **named):
+        assert pressed.wait(PATIENCE_S)
+        return find(*given, **named)
+
+    monkeypatch.setattr(suggestions, "propose", find_later)
     hand.keys("propose", "accept_segment", "escape", "next")
+    eventually(lambda: hand.work.t_us == BALL_US + 2000, "all keys to have come", lambda: hand.work.t_us)
+    pressed.set()
     shown = lambda: hand.work.here.proposals is not None and hand.work.on_screen  # noqa: E731
     eventually(lambda: shown() and not hand.editor.writer.waiting, "the proposals to be shown")
     assert hand.work.t_us == BALL_US + 2000 and not hand.work.here.labels

@@ -7,6 +7,7 @@ from app.modes.train.curves import (
     FEWEST,
     LISTED_SEEDS,
     MAX_POINTS,
+    border_lines,
     curves_of,
     interval_curves,
     mean_curve,
@@ -16,6 +17,8 @@ from app.modes.train.curves import (
     seed_results,
     seed_results_html,
     shared_axis,
+    stage_borders,
+    with_borders,
 )
 from app.modes.train.view import RunsViewer, ViewRequest
 from app.shared.trainer import Trainer
@@ -134,3 +137,14 @@ def test_the_rows_name_seeds_mean_and_interval_and_an_interval_needs_two() -> No
 def test_damaged_numbers_do_no_harm() -> None:
     broken = seed_results({0: ({"episode": "x", "returned": 1e300},), 1: (line(10, 1.0, 5.0),)}, finished=True)
     assert broken is not None and "nan" not in seed_results_html(broken)
+
+
+def test_a_stage_begins_with_the_first_ball_of_another_speed_and_is_an_upright_line() -> None:
+    borders = stage_borders(np.array([3.0, 3.0, 4.0, 4.0, 4.0, 5.0]))
+    assert borders.tolist() == [3.0, 6.0]
+    axis = with_borders(shared_axis(6), borders)
+    assert (np.diff(axis) >= 0).all() and np.count_nonzero(axis == 3.0) == 3
+    line = border_lines(axis, borders, 1.0, 9.0)
+    known = np.isfinite(line)
+    assert axis[known].tolist() == [3.0, 3.0, 6.0, 6.0] and line[known].tolist() == [1.0, 9.0, 1.0, 9.0]
+    assert len(stage_borders(np.full(5, 3.0))) == 0

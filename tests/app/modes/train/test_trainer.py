@@ -61,8 +61,11 @@ def test_a_killed_training_is_reported_and_goes_on_to_the_same_end(
 
 def test_another_app_finds_the_training_and_can_stop_it(trainer: Trainer, state_of) -> None:
     trainer.start("found", small_run(episodes=(2000,)), SLOW)
-    eventually(lambda: state_of(trainer, "found").phase == "running", "it to run")
     other = Trainer(trainer._workspace)
+    with pytest.raises(RallyscopeError, match="one training at a time"):
+        other.start("second", PLAN, None)  # at once: the first one's process has not begun
+    assert "second" not in other._workspace.run_names()
+    eventually(lambda: state_of(trainer, "found").phase == "running", "it to run")
     active = other.active()
     assert active is not None and active.name == "found" and active.phase == "running"
     with pytest.raises(RallyscopeError, match="one training at a time"):

@@ -148,7 +148,7 @@ def test_buttons_are_said_to_be_what_they_are(stream, tmp_path: Path) -> None:
     auto, refined = answer.methods
     for one in (auto, refined):
         missed = sum(stretch.count for stretch in one.missed)
-        assert f"{missed} of {len(one.judged.asked_us)} balls are missed" in stretches_html(
+        assert f"Missed at {missed} of {len(one.judged.asked_us)} times" in stretches_html(
             answer, one.method, missed=True
         )
         false = sum(stretch.count for stretch in one.false)

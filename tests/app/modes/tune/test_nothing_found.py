@@ -2,13 +2,19 @@
 
 from collections.abc import Iterator
 from concurrent.futures import Future
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from app.modes.tune.nothing_found import NothingFound, SampleRequest, answer_sample, nothing_found_html
+from core.cameras import stereo_preset
 from core.config import replace_setting
 from core.detection.methods import method_config
+from core.events import SensorSize
+from core.live.link import messages as m
+from core.live.ring_recording import LiveConfig, RingRecording
 from core.metrics.sample import sample_method
 from core.recordings import CameraStream, open_recording
 
@@ -45,6 +51,61 @@ def test_nothing_is_said_where_a_ball_is_found_anywhere(stream: CameraStream) ->
     assert nothing_found_html(answer) == ""
 
 
+@pytest.fixture(scope="module")
+def live() -> RingRecording:
+    """Six seconds of a live source that sees noise; five are kept and a bit."""
+    rng, sensor = np.random.default_rng(3), SensorSize(64, 48)
+    camera = m.CameraInfo.of("left", stereo_preset("side", sensor)["left"])
+    ring = RingRecording(LiveConfig(seconds=5.5))
+    ring.on_session(m.Reply(id=1, ok=True, session="one", t_us=0, block_us=10_000, seed=0, cameras=(camera,)))
+    for start_us in range(0, 6_000_000, 10_000):
+        batch = m.EventBatch(
+            session="one", seq=1, wall_ns=0, camera="left", start_us=start_us, end_us=start_us + 10_000, width_px=64,
+            height_px=48, since_us=np.sort(rng.integers(0, 10_000, 40)).astype(np.uint32),
+            x_px=rng.integers(0, 64, 40).astype(np.uint16), y_px=rng.integers(0, 48, 40).astype(np.uint16),
+            on=np.ones(40, np.uint8), truth_t_us=np.zeros(0, np.int64), circle=np.zeros((0, 3)),
+        )  # fmt: skip
+        ring.on_events(batch)
+        ring.on_state(m.WorldState(
+            session="one", seq=1, wall_ns=0, start_us=start_us, t_us=start_us + 10_000, phase="serve", paused=False,
+            speed_factor=1.0, noise_hz=0.1, auto_serve_mps=0.0, real_time_factor=1.0, served=0, returned=0,
+            ball_t_us=np.array([start_us]), ball=np.full((1, 9), 0.5), ball_visible=np.zeros(1, np.uint8),
+            racket_t_us=np.array([start_us]), racket=np.ones((1, 10)),
+        ))  # fmt: skip
+    return ring
+
+
+def test_of_a_live_source_the_last_seconds_are_sampled(live: RingRecording) -> None:
+    config = method_config("refined")
+    request = SampleRequest(1, live.cameras["left"], "refined", {"refined": config}, live=True)
+    answer = answer_sample(request)
+    assert answer.sample.windows == 300 and answer.sample.found == 0
+    assert {one.reason for one in answer.sample.reasons}.isdisjoint({"events in the history"}), "what is forgotten"
+    html = nothing_found_html(answer)
+    assert "refined finds no ball in a sample of 300 windows of the last 5 s" in html
+    assert "href='#setting-refined-" in html
+
+
+def test_a_live_source_is_sampled_again_while_there_is_no_ball(request_of) -> None:
+    asked, shown = [], []
+
+    class Here:
+        """A pool that does its work at once."""
+
+        def submit(self, work) -> Future:
+            asked.append(1)
+            work()
+            return Future()
+
+    mine = NothingFound(Here(), lambda act: act(), pytest.fail, shown.append)  # type: ignore[arg-type]
+    request = replace(request_of(1), live=True)
+    for wall_s, times in ((0.0, 0), (2.0, 1), (5.0, 1), (13.0, 2), (14.0, 2)):
+        mine.want(request, wall_s)
+        mine.tick(wall_s)
+        assert len(asked) == times
+    assert "of the last 5 s" in shown[-1]
+
+
 def test_a_config_is_sampled_once_when_it_has_rested(request_of, monkeypatch) -> None:
     class Here:
         """A pool that does its work at once."""
@@ -60,7 +121,7 @@ def test_a_config_is_sampled_once_when_it_has_rested(request_of, monkeypatch) ->
     mine.tick(1.0)
     mine.want(request_of(2), 1.0)  # the slider moves on
     mine.tick(2.0)
-    assert not asked
+    assert not asked, "it has not rested"
     for wall_s in (2.6, 3.0, 9.0):
         mine.want(request_of(2), wall_s)
         mine.tick(wall_s)

@@ -13,8 +13,10 @@ from app.modes.watch.status import drift_row, live_html, moment_html
 from core.cameras.epipolar import EpipolarDrift
 from core.chain.calibration_drift import DriftReport
 from core.history.missed_balls import MissedBall
-from core.history.rally_history import RallyHistory, RallyMoment, RallyStep, ShownPrediction
+from core.history.rally_history import Outcome, RallyHistory, RallyMoment, RallyStep, ShownPrediction
+from core.history.rally_picture import LandingSpot
 from core.live.link.messages import WorldState
+from core.physics.episode import Case
 from core.trajectory.filter_config import FilterConfig
 from core.trajectory.learned_constants import nothing_learned
 
@@ -111,8 +113,10 @@ def test_the_time_of_the_hit_is_the_one_that_the_3d_view_counts_down_to() -> Non
 
 def test_how_many_came_back_is_said_once() -> None:
     nothing = RallyMoment(0, RallyHistory().at(0, {}).picture, None, None, None, ())
-    counted = moment_html(nothing, 15.0, 1.0, returned=False)
-    assert "Last ball" in counted and "Returned" not in counted and "Returned" in moment_html(nothing, 15.0, 1.0)
+    one = replace(nothing, outcomes=(Outcome(590_000, 10_000, 5.0, LandingSpot(0.6, 0.1, Case.RETURNED)),))
+    counted = moment_html(one, 15.0, 1.0, returned=False)
+    assert "Last ball" in counted and "Returned" not in counted and "Returned" in moment_html(one, 15.0, 1.0)
+    assert "Last ball" not in moment_html(nothing, 15.0, 1.0)  # a row comes with its value
 
 
 def test_a_ball_that_one_camera_did_not_see_is_not_said_to_be_lost() -> None:
@@ -138,7 +142,7 @@ def report(drift_px: float, *, alarm: bool) -> DriftReport:
 
 def test_it_says_how_many_points_are_missing() -> None:
     name, said = drift_row(DriftReport(60, 200))
-    assert name == "Calibration" and "unknown yet, after 60 of 200 points" in said
+    assert name == "Calibration" and "Not yet known (60 of 200 points)" in said
 
 
 def test_a_fit_is_green_with_its_figure() -> None:

@@ -1,6 +1,7 @@
 """EBPP on discs whose truth is exact, and on a simulated flight."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -60,6 +61,24 @@ def test_a_ball_that_flies_on_unseen_is_searched_on_the_whole_sensor(make_scene,
     again = [one for window in windows[45:55] if (one := detector.step(window)) is not None]
     assert len(again) >= 7
     assert again[-1].u_px - seen[-1].u_px > 2 * EbppConfig().roi_expand_px, "far outside the region where it was lost"
+
+
+def test_a_circle_without_new_events_on_it_is_no_ball(make_scene, make_flight) -> None:
+    """The surface still shows the ball that vanished, while noise goes on elsewhere."""
+    config = EbppConfig(support_us=0)
+    detectors = EbppDetector(config, SENSOR), EbppDetector(replace(config, fresh_min=0.0), SENSOR)
+    flight = make_scene(make_flight(du_px_per_ms=2.0), duration_us=40_000).windows(2000)
+    noise = make_scene(noise_hz=0.05, duration_us=60_000, seed=3).windows(2000)[len(flight) :]
+    for window in flight:
+        found = [one.step(window) for one in detectors]
+    assert found[0] == found[1] is not None
+    assert any(len(window.events) for window in noise)
+    for window in noise[:2]:
+        assert detectors[0].step(window) is None
+        (reason,) = detectors[0].why_not()
+        assert reason.setting in ("ebpp.fresh_min", "window.window_us")
+    stale = [one for window in noise[:2] if (one := detectors[1].step(window)) is not None]
+    assert stale, "without the limit it is answered"
 
 
 def test_a_simulated_flight_is_found_in_nearly_every_window(tmp_path) -> None:

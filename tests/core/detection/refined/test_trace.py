@@ -85,7 +85,13 @@ def test_a_search_shows_its_pixels_its_blobs_and_whose_turn_it_was(traces) -> No
 
 @pytest.mark.parametrize(
     ("setting", "value"),
-    [("radius_max_px", 5.0), ("confirm_fits", 20), ("fill_min", 1.0), ("points_min", 200), ("fresh_min", 0.9)],
+    [
+        ("radius_max_px", 5.0),
+        ("confirm_fits", 20),
+        ("fill_min", 1.0),
+        ("points_min", 200),
+        ("fresh_min", 0.9),
+    ],
 )
 def test_a_limit_that_shuts_the_ball_out_is_named_with_its_numbers(make_scene, make_flight, setting, value) -> None:
     config = replace_setting(refined_config(), ("refined", setting), value)
@@ -115,6 +121,55 @@ def test_one_fit_may_be_enough_for_a_ball_if_the_settings_say_so(make_scene, mak
     windows = make_scene(make_flight(), noise_hz=1, duration_us=30_000).windows(1000)
     first = [next(n for n, window in enumerate(windows) if one.step(window) is not None) for one in detectors]
     assert first[0] < first[1]
+
+
+def test_the_largest_blob_beyond_a_limit_says_why_there_is_none(make_scene, make_flight) -> None:
+    flight = make_flight(u_px=150.0, v_px=120.0, r_px=60.0, du_px_per_ms=1.0)
+    detector = RefinedDetector(RefinedConfig(radius_max_px=10.0), SENSOR)
+    traces, reasons = [], []
+    for window in make_scene(flight, duration_us=20_000).windows(1000):
+        traces.append(detector.trace(window))
+        reasons += detector.why_not()
+    (side, *_) = (one for one in reasons if one.reason == "side of the blob")
+    assert side.setting == "refined.radius_max_px" and side.value > side.limit == 40.0
+    rejected = [blob for trace in traces for blob in trace.blobs if blob.status == "rejected"]
+    assert rejected and all(blob.reasons for blob in rejected)
+    assert side.value in [max(blob.box_px[2:]) for blob in rejected]
+
+
+def test_noise_that_has_no_blobs_names_the_setting_of_the_search(make_scene) -> None:
+    detector = RefinedDetector(RefinedConfig(), SENSOR)
+    for window in make_scene(noise_hz=5, duration_us=5000).windows(1000):
+        assert detector.step(window) is None
+        (reason,) = detector.why_not()
+        assert (reason.setting, reason.value) == ("refined.neighbours_min", 0)
+
+
+def test_between_two_searches_the_reasons_are_those_of_the_last_candidates(make_scene, make_flight) -> None:
+    """A slow disc is only in the time spans that are searched in every second or fourth window."""
+    flight = make_flight(u_px=150.0, v_px=120.0, r_px=14.0, du_px_per_ms=0.3)
+    detector = RefinedDetector(RefinedConfig(points_min=200), SENSOR)
+    reasons = []
+    for window in make_scene(flight, duration_us=60_000).windows(1000):
+        assert detector.step(window) is None
+        reasons.append({one.setting for one in detector.why_not()})
+    late = reasons[-20:]
+    assert all("refined.neighbours_min" not in settings for settings in late)
+    assert sum("refined.points_min" in settings for settings in late) > 10
+
+
+def test_a_candidate_that_is_given_up_says_by_how_much(windows) -> None:
+    detector = RefinedDetector(RefinedConfig(), SENSOR)
+    trace = next(one for one in map(detector.trace, windows) if one.tracks)
+    number = len(windows[: windows.index(next(one for one in windows if one.end_us == trace.end_us))])
+    for track in detector.tracks:
+        track.evidence = -9.0
+    trace = detector.trace(windows[number + 1])
+    given_up = [track for track in trace.tracks if track.given_up]
+    assert given_up and all(track.fit is not None for track in given_up)
+    (reason,) = given_up[0].given_up
+    assert reason.setting == "refined.given_up" and reason.value is not None and reason.value < -3.0 == reason.limit
+    assert trace.detection is None and reason in detector.why_not()
 
 
 def test_limits_that_were_constants_are_settings() -> None:

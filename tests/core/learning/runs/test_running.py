@@ -131,7 +131,8 @@ def test_a_stopped_run_goes_on_bit_for_bit(tmp_path: Path) -> None:
 
 def test_another_process_pauses_slows_and_stops_a_run(tmp_path: Path) -> None:
     run = tmp_path / "run"
-    create_run(run, CONFIG)
+    endless = CurriculumConfig(speeds_mps=(3.0, 5.0), episodes=(2000, 2000))  # not over before it is paused
+    create_run(run, replace(CONFIG, curriculum=endless))
     write_control(run, Control(episodes_per_s=10))
     process = subprocess.Popen([sys.executable, "-c", TRAIN, str(run)], stdout=subprocess.PIPE, text=True)
     wait_for_episode(run, 5)

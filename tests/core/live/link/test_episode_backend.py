@@ -10,7 +10,7 @@ from core.cameras import stereo_preset
 from core.errors import LinkError
 from core.events import SensorSize
 from core.learning.config import environment_profile
-from core.live.link.linked_backend import LinkBackend
+from core.live.link.linked_backend import LinkEpisodeBackend
 from core.live.link.server import ServerConfig, SimulationServer
 from tests.waiting import PATIENCE_S
 
@@ -22,8 +22,8 @@ def test_a_training_for_another_physics_than_the_server_s_is_refused() -> None:
     thread.start()
     try:
         with pytest.raises(LinkError, match="--physics"):
-            LinkBackend(environment_profile("real", state_source="truth"), server.address)
-        LinkBackend(environment_profile("paper", state_source="truth"), server.address).close()
+            LinkEpisodeBackend(environment_profile("real", state_source="truth"), server.address)
+        LinkEpisodeBackend(environment_profile("paper", state_source="truth"), server.address).close()
     finally:
         ended.set()
         thread.join(PATIENCE_S)

@@ -12,10 +12,11 @@ from core.cameras import stereo_preset
 from core.errors import LinkError
 from core.learning.config import EnvironmentConfig
 from core.learning.task.environment import evaluation_balls, play
-from core.live.link.linked_backend import LinkedBackend
+from core.live.link.client import SimulationClient
+from core.live.link.linked_backend import LinkEnvironmentBackend
 from core.live.link.server import ServerConfig, SimulationServer
 from core.outcomes.perceived_backend import PerceivedBackend
-from tests.waiting import PATIENCE_S
+from tests.waiting import PATIENCE_S, eventually
 
 EVENTS = EnvironmentConfig(state_source="events", outcomes="events")
 
@@ -32,8 +33,11 @@ def server() -> Iterator[SimulationServer]:
 
 
 @pytest.mark.gate
-def test_a_stroke_in_a_server_is_judged_by_its_events(server: SimulationServer) -> None:
-    backend = PerceivedBackend(EVENTS, LinkedBackend(server.address))
+def test_a_stroke_in_a_server_is_judged_by_its_events(
+    server: SimulationServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("core.live.link.linked_backend.PATIENCE_S", PATIENCE_S)
+    backend = PerceivedBackend(EVENTS, LinkEnvironmentBackend(server.address))
     try:
         truth = evaluation_balls(6.0, 1, EVENTS)
         ball = backend.observe(truth)
@@ -48,8 +52,26 @@ def test_a_stroke_in_a_server_is_judged_by_its_events(server: SimulationServer) 
     np.testing.assert_allclose(outcome.landings_m, expected.landings_m, atol=0.02)
 
 
+def test_the_first_block_is_heard_however_late_the_subscription_is(
+    server: SimulationServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("core.live.link.linked_backend.PATIENCE_S", PATIENCE_S)
+    receive = SimulationClient._receive
+
+    def receive_late(client: SimulationClient) -> None:
+        eventually(lambda: server._commanded_s > 0, "the client's first command")
+        receive(client)
+
+    monkeypatch.setattr(SimulationClient, "_receive", receive_late)
+    world_backend = LinkEnvironmentBackend(server.address)
+    try:
+        assert world_backend.advance().events.keys() == world_backend.cameras.keys()
+    finally:
+        world_backend.close()
+
+
 def test_a_court_that_began_anew_says_so(server: SimulationServer, monkeypatch: pytest.MonkeyPatch) -> None:
-    world_backend = LinkedBackend(server.address)
+    world_backend = LinkEnvironmentBackend(server.address)
     try:
         first = world_backend.advance()
         monkeypatch.setattr("core.live.link.linked_backend.PATIENCE_S", 2.0)

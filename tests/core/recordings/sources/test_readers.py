@@ -49,6 +49,18 @@ def test_a_file_that_is_cut_off_gives_what_is_there(plugins: Path, tmp_path: Pat
             open_recording(path)
 
 
+def test_an_odd_address_in_a_file_of_the_example_costs_itself_as_in_ours(plugins: Path, tmp_path: Path) -> None:
+    path = write_evb(tmp_path / "events.evb", 1000)
+    data = bytearray(path.read_bytes())
+    data[8 + 16 * 500 + 8 : 8 + 16 * 500 + 10] = b"\xff\x0f"
+    path.write_bytes(data)
+    with forgotten_afterwards():
+        use_plugins([plugins / "binary_reader.py"])
+        with open_recording(path) as recording:
+            assert recording.cameras["camera"].event_count == 999
+            assert any("1 " in note and "sensor" in note for note in recording.notes), recording.notes
+
+
 def write_other(path: Path) -> Path:
     path.write_bytes(b"\x00\x01\x02 nothing that anybody knows")
     return path
@@ -87,3 +99,27 @@ def test_a_reader_that_does_not_fit_is_refused(given: dict, said: str) -> None:
     with forgotten_afterwards(), pytest.raises(PluginError, match=said):
         register_reader(whole.pop("name"), **whole)
     assert "new" not in READERS
+
+
+@pytest.mark.parametrize(
+    ("name", "head", "kind"),
+    [
+        ("a.aedat", b"#!AER-DAT2.0\r\n", "AEDAT"),
+        ("a.aedat", b"#!AER-DAT3.1\r\n", "AEDAT"),
+        ("a.aedat4", b"#!AER-DAT4.0\r\n", "AEDAT"),
+        ("a.mat", b"MATLAB 5.0 MAT-file", "MATLAB"),
+        ("a", b"Event Stream\x02\x00\x00", "Event Stream"),
+        ("a.raw", b"% evt 2.1\n% end\n\x00", "Prophesee EVT2.1"),
+        ("a.DAT", b"% Data file containing CD events.\n% Version 2\n\x0c\x08", "Prophesee DAT"),
+        ("a.npz", b"PK\x03\x04", "NumPy"),
+        ("a.zip", b"PK\x03\x04", None),
+        ("a.db3", b"SQLite format 3\x00", "bag of ROS"),
+        ("labels.sqlite", b"SQLite format 3\x00", None),
+        ("notes.txt", b"t,x,y,p\n", None),
+        ("a.csv", b"", None),
+    ],
+)
+def test_lists_know_every_format_that_is_opened(tmp_path: Path, name: str, head: bytes, kind: str | None) -> None:
+    path = tmp_path / name
+    path.write_bytes(head)
+    assert kind_of(path) == kind
