@@ -58,3 +58,30 @@ def test_an_answer_to_something_else_is_grey_until_the_right_one_is_there(tune) 
     page.get_by_text("left, paper, config A").first.wait_for()
     tune.wait_for_pixels("answered", lambda canvas: count_like(canvas, YELLOW) > 40)
     assert opacity() == 1
+
+
+def test_changed_settings_of_all_methods_are_marked_and_tuning_asks_before_it_replaces_them(tune) -> None:
+    page = tune.page
+    mark = page.get_by_text("changed from default")
+    assert mark.count() == 0 or mark.first.is_hidden()
+    tune.press("B")
+    eventually(lambda: tune.state.tune.slot == "B", "slot B")
+    tune.fill(tune.field("radius max [px]"), "17")
+    page.get_by_text("1 setting changed from default: auto B 1").wait_for()
+    tune.session.send(SetMethod("refined"))
+    tune.page.get_by_text("moves (").first.wait_for()
+    assert page.get_by_text("1 setting changed from default: auto B 1").is_visible(), "another method hides nothing"
+    tune.press("Show")
+    eventually(lambda: (tune.state.tune.method, tune.state.tune.slot) == ("auto", "B"), "the changed config")
+    page.get_by_text("Auto-tune", exact=True).first.click()
+    tune.press("Tune automatically")
+    page.get_by_text("Overwrite config B?").wait_for()
+    assert page.get_by_text("config B (localise.radius_max_px 17)").count() == 1
+    tune.screenshot("overwrite")
+    tune.press("Keep B")
+    page.get_by_text("Overwrite config B?").wait_for(state="hidden")
+    assert tune.state.configs.present.b.localise.radius_max_px == 17
+    tune.press("Reset all")
+    mark.first.wait_for(state="hidden")
+    assert tune.state.configs.present.b.localise.radius_max_px != 17
+    tune.press("A")
