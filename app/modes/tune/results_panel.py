@@ -180,7 +180,7 @@ def answer_facts(answer: WindowAnswer) -> list[str]:
     ball, facts = answer.detection, []
     if ball is not None:
         late_ms = (answer.window.end_us - ball.t_us) / 1e3
-        facts.append(f"position at {ball.t_us / 1e3:.3f} ms, {late_ms:.2f} ms before the end of the window")
+        facts.append(f"position at {ball.t_us / 1e3:.3f} ms" + (f", {late_ms:.2f} ms old" if late_ms else ""))
     if isinstance(ball, RefinedDetection):
         sigma_px = float(ball.centre_covariance_px2.trace()) ** 0.5
         facts.append(f"moves ({ball.vu_px_per_ms:+.2f}, {ball.vv_px_per_ms:+.2f}) px/ms")
