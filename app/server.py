@@ -24,6 +24,7 @@ from app.shared.live_rally import LIVE, LiveRally
 from app.shared.workspace import Workspace
 from app.startup.startup import Preparation
 from app.web import Admission, Gateway, open_gateway
+from core.chain.config import PredictionName
 from core.detection import DetectorConfig, FastDetector, TrackState, trace_window
 from core.detection.fast.cluster import grid_labels
 from core.detection.methods import DEFAULT_METHOD, make_detector
@@ -82,17 +83,19 @@ class App:
         front: Gateway | None = None,
         viewer_address: str | None = None,
         places: JobBackends = HERE_ONLY,
+        prediction: PredictionName = "filter",
     ) -> None:
         """`detector` is what every browser starts with, unless that is as it was left; `live` is closed with the app.
 
         `viewer_address` is that of a Rerun viewer which may be streamed to, `rerun+http://HOST:PORT/proxy`. Trainings
-        and searches may be done at `places`.
+        and searches may be done at `places`. Hits are predicted with `prediction`, unless a browser chooses another.
 
         A first recording that is not there yet, such as a live rally that is being prepared, is opened when it comes.
         A `front` that listens there already may be given; browsers that came to it meanwhile are served, too.
         """
         self.services = Services.of(workspace, library, viewer_address, places)
         """Services shared by all browsers."""
+        self.services.rallies.prediction = prediction
         self._first_recording = first_recording
         self._detector = detector
         self._autoplay = autoplay
@@ -133,6 +136,7 @@ class App:
 
     def use_live(self, live: LiveRally) -> None:
         """Offer a live rally from now on; it is closed with the app. From any thread."""
+        live.predict_with(self.services.rallies.prediction)
         self.services.rallies.live = live
         self.services.library.add_live(LIVE, live.recording)
         self._awake.set()

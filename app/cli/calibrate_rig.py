@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from app.cli.arguments import Names, Numbers, PositiveInt, flag, positional, setting_flag
 from app.cli.calibrate_intrinsics import check_destinations
-from app.cli.calibrate_stereo import detect_tracks, lenses_of, named_paths, read_lens, read_scale
+from app.cli.calibrate_stereo import detect_tracks, lenses_of, named_paths, read_lens, read_scale, rig_svg
 from app.cli.detector_arguments import MethodArguments
 from app.cli.files import write_text
 from app.cli.progress import progress_bar
@@ -23,12 +23,11 @@ from app.cli.terminal import say
 from core.cameras import Camera, save_calibration
 from core.cameras.calibration import Board, find_board
 from core.cameras.calibration.board import KINDS, BoardKind
-from core.cameras.calibration.body_bundle import UNKNOWNS
 from core.cameras.calibration.body_tracks import BodyTracks, body_tracks, read_points_table
-from core.cameras.calibration.many_cameras import ManyCalibration, RigCamera, calibrate_many
+from core.cameras.calibration.bundle import UNKNOWNS
 from core.cameras.calibration.point_track import PointTrack, read_point_track
-from core.cameras.calibration.residual_picture import ResidualPanel, residual_svg
-from core.cameras.calibration.rig import RigConfig
+from core.cameras.calibration.rig import RigConfig, calibrate_rig
+from core.cameras.calibration.rig_result import RigCalibration, RigCamera
 from core.cameras.calibration.scale import Scale
 from core.cameras.calibration.table_corners import CORNERS, read_clicks
 from core.errors import CommandError
@@ -92,7 +91,7 @@ def run(arguments: RigArguments) -> None:
         seen, sigmas, lenses = _inputs(arguments, lambda share: progress(DETECTING * share))
         names = _names(seen, lenses, arguments.cameras)
         tracks = _tracks(seen, sigmas, names, body_m)
-        found = calibrate_many(
+        found = calibrate_rig(
             tracks,
             {name: lenses[name] for name in names},
             scale,
@@ -104,7 +103,7 @@ def run(arguments: RigArguments) -> None:
         )
     save_calibration(arguments.out, found.cameras)
     if arguments.report is not None:
-        write_text(arguments.report, _picture(found, arguments.out.name))
+        write_text(arguments.report, rig_svg(found, arguments.out.name))
     rows = [_row(name, one) for name, one in found.reports.items()]
     report = json_ready(_report(found, rows, arguments.out))
     say(json.dumps(report) if arguments.json else _describe(found, rows, arguments.out))
@@ -122,9 +121,7 @@ def _body(arguments: RigArguments) -> tuple[NDArray[np.float64], Scale | None]:
     if arguments.swept == "wand" and arguments.scale is None:
         raise CommandError("how long is the wand?", expected="--wand 0,METRES,... or --scale wand=METRES")
     scale = read_scale(arguments.scale, arguments.table_corners is not None, arguments.physics)
-    if scale.kind == "wand":
-        return np.array([[0.0, 0.0, 0.0], [scale.length_m, 0.0, 0.0]]), None
-    return np.zeros((1, 3)), scale
+    return scale.body_m, None if scale.kind == "wand" else scale
 
 
 def _board(arguments: RigArguments) -> Board:
@@ -205,15 +202,14 @@ def _tracks(
     if most >= len(body_m):
         got = f"markers 0 to {most}, places of {len(body_m)}"
         raise CommandError("where on the wand are the markers?", expected="--wand 0,M,... with one of each", got=got)
-    given = [sigmas.get(name, np.ones(len(seen[name].t_us))) for name in names]
-    middle = float(np.median(np.concatenate(given))) if given and any(map(len, given)) else 1.0
-    return body_tracks([seen[name] for name in names], body_m, [sigma / middle for sigma in given])
+    given = {name: sigmas.get(name, np.ones(len(seen[name].t_us))) for name in names}
+    middle = float(np.median(np.concatenate(list(given.values())))) if any(map(len, given.values())) else 1.0
+    relative = {name: sigma / middle for name, sigma in given.items()}
+    return body_tracks({name: seen[name] for name in names}, body_m, relative)
 
 
 def _row(name: str, one: RigCamera) -> dict[str, object]:
-    errors, sigmas = one.errors_px, one.sigmas
-    place = np.sqrt(sum(sigmas.get(key, 0.0) ** 2 for key in UNKNOWNS[3:6]))
-    turn = np.sqrt(sum(sigmas.get(key, 0.0) ** 2 for key in UNKNOWNS[:3]))
+    errors = one.errors_px
     return {
         "camera": name,
         "points": len(errors),
@@ -221,15 +217,15 @@ def _row(name: str, one: RigCamera) -> dict[str, object]:
         "median_px": float(np.median(errors)) if len(errors) else float("nan"),
         "p95_px": float(np.percentile(errors, 95)) if len(errors) else float("nan"),
         "clock_ahead_us": round(one.offset_us, 1),
-        "sigma_clock_us": round(1e3 * sigmas.get("offset_ms", 0.0), 1),
+        "sigma_clock_us": round(one.sigma_offset_us, 1),
         "drift_ppm": round(one.drift_ppm, 2),
-        "sigma_drift_ppm": round(sigmas.get("drift_ppm", 0.0), 2),
-        "sigma_position_mm": 1e3 * float(place),
-        "sigma_rotation_deg": float(np.degrees(turn)),
+        "sigma_drift_ppm": round(one.sigmas.get("drift_ppm", 0.0), 2),
+        "sigma_position_mm": 1e3 * one.sigma_position_m,
+        "sigma_rotation_deg": float(np.degrees(one.sigma_rotation_rad)),
     }
 
 
-def _lengths(found: ManyCalibration) -> dict[str, dict[str, float]]:
+def _lengths(found: RigCalibration) -> dict[str, dict[str, float]]:
     return {
         name: {
             "median_m": float(np.median(values)),
@@ -241,7 +237,7 @@ def _lengths(found: ManyCalibration) -> dict[str, dict[str, float]]:
     }
 
 
-def _report(found: ManyCalibration, rows: list[dict[str, object]], out: Path) -> dict[str, object]:
+def _report(found: RigCalibration, rows: list[dict[str, object]], out: Path) -> dict[str, object]:
     names = list(found.reports)
     return {
         "cameras": rows,
@@ -266,7 +262,7 @@ def _report(found: ManyCalibration, rows: list[dict[str, object]], out: Path) ->
     }
 
 
-def _describe(found: ManyCalibration, rows: list[dict[str, object]], out: Path) -> str:
+def _describe(found: RigCalibration, rows: list[dict[str, object]], out: Path) -> str:
     lines = [
         f"{out}: {len(rows)} cameras from {len(found.t_us)} instants, {found.sigma_px:.3f} px each way",
         format_table(rows),
@@ -284,12 +280,3 @@ def _describe(found: ManyCalibration, rows: list[dict[str, object]], out: Path) 
     offsets = [str(-round(one.offset_us)) for one in found.reports.values()]
     lines.append(f"clocks: `import --offset-us {','.join(offsets)}`")
     return "\n".join([*lines, *found.notes])
-
-
-def _picture(found: ManyCalibration, title: str) -> str:
-    """The reprojection errors of all cameras as a picture."""
-    panels = []
-    for name, one in found.reports.items():
-        seen = np.isfinite(one.residuals_px[..., 0])
-        panels.append(ResidualPanel(name, one.camera.sensor, one.uvs_px[seen], one.residuals_px[seen], one.used[seen]))
-    return residual_svg(f"{title}: seen minus projected", panels)

@@ -22,11 +22,12 @@ from app.cli.progress import progress_bar
 from app.cli.tables import format_table
 from app.cli.terminal import say
 from core.cameras import Camera, save_calibration
+from core.cameras.calibration.body_tracks import body_tracks
 from core.cameras.calibration.free_fall import REAL_DRAG_PER_M
 from core.cameras.calibration.point_track import PointTrack, read_point_track
 from core.cameras.calibration.residual_picture import ResidualPanel, residual_svg
 from core.cameras.calibration.rig import RigConfig, calibrate_rig
-from core.cameras.calibration.rig_result import CameraFit, RigCalibration
+from core.cameras.calibration.rig_result import RigCalibration, RigCamera
 from core.cameras.calibration.scale import KINDS, Scale
 from core.cameras.calibration.table_corners import CORNERS, read_clicks
 from core.cameras.units import FARTHEST_M, NEAREST_M, likely_unit
@@ -94,7 +95,7 @@ def run(arguments: StereoArguments) -> None:
     with progress_bar("Calibrating") as progress:
         tracks, lenses = _inputs(arguments, lambda share: progress(DETECTING * share))
         found = calibrate_rig(
-            tracks,
+            body_tracks(tracks, scale.body_m),
             lenses,
             scale,
             clicks=clicks,
@@ -105,19 +106,18 @@ def run(arguments: StereoArguments) -> None:
     save_calibration(arguments.out, found.cameras)
     if arguments.report is not None:
         write_text(arguments.report, rig_svg(found, arguments.out.name))
-    rows = [_row(name, fit, found) for name, fit in found.fits.items()]
+    rows = [_row(name, one) for name, one in found.reports.items()]
     say(json.dumps(_report(found, rows, arguments.out)) if arguments.json else _describe(found, rows, arguments.out))
 
 
 def rig_svg(found: RigCalibration, title: str) -> str:
     """The reprojection errors of all cameras as a picture."""
     panels = []
-    for name, fit in found.fits.items():
-        seen = np.isfinite(fit.residuals_px[:, 0])
-        panels.append(
-            ResidualPanel(name, fit.camera.sensor, fit.uvs_px[seen], fit.residuals_px[seen], found.used[seen])
-        )
-    return residual_svg(f"{title}: seen minus projected, what two views can see of it", panels)
+    for name, one in found.reports.items():
+        seen = np.isfinite(one.residuals_px[..., 0])
+        panels.append(ResidualPanel(name, one.camera.sensor, one.uvs_px[seen], one.residuals_px[seen], one.used[seen]))
+    views = ", what two views can see of it" if len(found.reports) == 2 else ""
+    return residual_svg(f"{title}: seen minus projected{views}", panels)
 
 
 def read_scale(text: str | None, corners: bool, physics: str) -> Scale:
@@ -199,27 +199,26 @@ def lenses_of(recording: Recording) -> dict[str, Camera]:
     return {name: stream.calibration for name, stream in recording.cameras.items() if stream.calibration is not None}
 
 
-def _row(name: str, fit: CameraFit, found: RigCalibration) -> dict[str, object]:
-    seen = np.isfinite(fit.residuals_px[:, 0])
-    sizes = np.linalg.norm(fit.residuals_px[seen & found.used], axis=1)
+def _row(name: str, one: RigCamera) -> dict[str, object]:
+    sizes = one.errors_px
     return {
         "camera": name,
         "points": len(sizes),
-        "left_out": int((seen & ~found.used).sum()),
+        "left_out": one.left_out,
         "rms_px": float(np.sqrt((sizes**2).mean())),
         "median_px": float(np.median(sizes)),
         "p95_px": float(np.percentile(sizes, 95)),
-        "clock_ahead_us": round(fit.offset_us, 1),
-        "sigma_clock_us": round(fit.sigma_offset_us, 1),
-        "sigma_position_mm": 1e3 * fit.sigma_position_m,
-        "sigma_rotation_deg": float(np.degrees(fit.sigma_rotation_rad)),
+        "clock_ahead_us": round(one.offset_us, 1),
+        "sigma_clock_us": round(one.sigma_offset_us, 1),
+        "sigma_position_mm": 1e3 * one.sigma_position_m,
+        "sigma_rotation_deg": float(np.degrees(one.sigma_rotation_rad)),
     }
 
 
 def _report(found: RigCalibration, rows: list[dict[str, object]], out: Path) -> dict[str, object]:
     return {
         "cameras": rows,
-        "offset_us": {name: -round(fit.offset_us) for name, fit in found.fits.items()},
+        "offset_us": {name: -round(one.offset_us) for name, one in found.reports.items()},
         "sigma_px": found.sigma_px,
         "lead_px": found.lead_px,
         "sigma_lead_px": found.sigma_lead_px,
@@ -246,8 +245,8 @@ def _describe(found: RigCalibration, rows: list[dict[str, object]], out: Path) -
     if found.click_rms_px is not None:
         lines.append(f"clicked corners: rms {found.click_rms_px:.2f} px")
     lines += [
-        f"{name}'s clock: add {-round(fit.offset_us)} us to its times (`import --offset-us {-round(fit.offset_us)}`)"
-        for name, fit in found.fits.items()
-        if fit.sigma_offset_us > 0
+        f"{name}'s clock: add {-round(one.offset_us)} us to its times (`import --offset-us {-round(one.offset_us)}`)"
+        for name, one in found.reports.items()
+        if one.sigma_offset_us > 0
     ]
     return "\n".join([*lines, *found.notes])

@@ -24,6 +24,7 @@ from app.shared.library import Library
 from app.shared.workspace import Workspace
 from app.web import Admission, Gateway, open_gateway
 from app.web.access_policy import check_address
+from core.chain.config import PREDICTIONS, PredictionName
 from core.detection.saved import load_detector
 from core.errors import CommandError
 from core.live.link.guard import ClientKeys, check_reach, read_client_keys, split_address
@@ -69,6 +70,12 @@ class ServeArguments:
     data: Path = flag("workspace", default=DATA)
     folder: tuple[Path, ...] | None = flag("browsers may open its files, too; can be given again", "DIR", repeated=True)
     config: Path | None = flag("detector settings to start with, a TOML file", "FILE")
+    prediction: PredictionName = flag(
+        "how hits are predicted: filter, every point; paper, its five points before and after the bounce",
+        "|".join(PREDICTIONS),
+        "filter",
+        choices=PREDICTIONS,
+    )
     rerun: str | None = flag("a Rerun viewer that Export may stream to", "rerun+http://HOST:PORT/proxy")
     cluster: str | None = flag("a Dask cluster that Train and Tune may use", "tcp://HOST:PORT")
     open: bool = flag("open a browser")
@@ -125,6 +132,7 @@ def run(arguments: ServeArguments) -> None:
             front=front,
             viewer_address=arguments.rerun,
             places=places,
+            prediction=arguments.prediction,
         )
         if startup is not None:
             startup.hand_over(lab.use_live)

@@ -18,6 +18,7 @@ from app.cli.tabulate import RecordingTable, Summary, tabulate
 from app.cli.terminal import say
 from core.chain import ChainConfig
 from core.chain.calibration_drift import DriftReport
+from core.chain.config import PREDICTIONS, PredictionName, with_prediction
 from core.chain.follow import Track, follow_recording, true_positions
 from core.detection import DetectorConfig
 from core.detection.methods import Method
@@ -31,6 +32,12 @@ class TrackArguments:
 
     recordings: tuple[Path, ...] = positional("recordings with two or more calibrated cameras", "REC")
     detector: DetectorArguments
+    prediction: PredictionName = flag(
+        "of the flight, which moves points that one camera of three or more sees alone: filter does, paper does not",
+        "|".join(PREDICTIONS),
+        "filter",
+        choices=PREDICTIONS,
+    )
     out: Path = flag(
         "columns t_us,x_m,y_m,z_m (world) and cameras (of which a point is made, joined by +); of several recordings a "
         "folder with a CSV of each",
@@ -42,7 +49,7 @@ class TrackArguments:
 
 def run(arguments: TrackArguments) -> None:
     """Track, write, and say what came out."""
-    work = TrackRecording(*arguments.detector.settings())
+    work = TrackRecording(*arguments.detector.settings(), arguments.prediction)
     tabulate(arguments.recordings, arguments.out, work, arguments.engine, "Tracking", arguments.json, _say)
 
 
@@ -53,10 +60,11 @@ class TrackRecording:
     method: Method
     detector: DetectorConfig
     window_us: int
+    prediction: PredictionName = "filter"
 
     def __call__(self, path: Path, control: TaskControl) -> RecordingTable:
         """Track."""
-        config = ChainConfig.of_method(self.method, self.detector)
+        config = with_prediction(ChainConfig.of_method(self.method, self.detector), self.prediction)
         with closing(open_recording(path)) as recording:
             track = follow_recording(recording, config, self.window_us, progress=control)
             truth, names = recording.ball, tuple(recording.cameras)

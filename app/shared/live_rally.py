@@ -15,9 +15,10 @@ from app.background.child import ChildProcess, share_in
 from app.shared.live_learning import LiveLearning
 from core.cameras import Camera
 from core.chain.calibration_drift import CalibrationDrift, DriftReport
+from core.chain.config import PredictionName, with_prediction
 from core.chain.control.decision import RacketDecision
 from core.chain.control.player import PlayerState
-from core.errors import LinkError, RecordingError
+from core.errors import CommandError, LinkError, RecordingError
 from core.history.played_bodies import PlayedBodies
 from core.history.rally_history import Outcome, RallyHistory
 from core.history.rally_picture import LandingSpot
@@ -204,6 +205,24 @@ class LiveRally:
             return False
         self.source.recalibrate(cameras)
         return True
+
+    @property
+    def prediction(self) -> PredictionName:
+        """How the hit is predicted."""
+        return "filter" if self.player.config.chain.prediction == "filter" else "paper"
+
+    def predict_with(self, name: PredictionName) -> None:
+        """Predict with the filter, or with the paper's fit, from the next block on.
+
+        Raises:
+            RallyscopeError: if there is no such prediction, or the controller needs what it does not estimate.
+        """
+        config = self.player.config
+        chain = with_prediction(config.chain, name)
+        if getattr(self.player.controller, "needs_spin", False) and not chain.estimates_spin:
+            remedy = "let another controller play first"
+            raise CommandError("this policy needs the ball's spin, which the paper's fit does not give", remedy=remedy)
+        self.player.configure(replace(config, chain=chain))
 
     def change_scene(self, scene: str) -> None:
         """Have the simulation show another scene, and wait for it.

@@ -12,6 +12,7 @@ from app.shared.live_rally import LiveRally, positions
 from app.shared.workspace import Workspace
 from core.cameras import Camera
 from core.chain.calibration_drift import DriftReport
+from core.chain.config import PredictionName
 from core.chain.control.controller import BuiltInController
 from core.chain.control.policy_controller import load_controller
 from core.errors import CommandError
@@ -32,6 +33,8 @@ class Rallies:
 
     live: LiveRally | None = None
     followings: Followings = field(default_factory=Followings)
+    prediction: PredictionName = "filter"
+    """Prediction that recordings are followed with unless a browser chooses another."""
     _watched_s: float = float("-inf")
 
     def set_active(self, watched: bool, wall_s: float) -> None:
@@ -41,12 +44,15 @@ class Rallies:
         if self.live is not None:
             self.live.set_active(wall_s - self._watched_s < GRACE_S)
 
-    def of(self, recording: Recording) -> WatchedRally | None:
-        """Rally of a recording; None if the recording is not stereo."""
+    def of(self, recording: Recording, prediction: PredictionName | None = None) -> WatchedRally | None:
+        """Rally of a recording, with another prediction if given; None if the recording is not stereo.
+
+        All browsers share the prediction of the live rally, see `LiveRally.predict_with`.
+        """
         if self.live is not None and recording is self.live.recording:
             live = self.live
             return WatchedRally(live.history, live.cameras, live, None) if is_stereo(recording) else None
-        following = self.followings.of(recording)
+        following = self.followings.of(recording, prediction or self.prediction)
         return None if following is None else WatchedRally(following.history, following.cameras, None, following)
 
     def close(self) -> None:

@@ -13,6 +13,7 @@ from typing import Final, Generic, Literal, TypeVar, get_args
 from app.pictures.canvas import Rendering
 from app.pictures.palette import PolarityColours
 from app.state.swept_cells import BoardGuide, SweptCells, TableClicks
+from core.chain.config import PredictionName
 from core.detection import DetectorConfig
 from core.detection.methods import DEFAULT_METHOD, STAGED, VIEWS, Method, method_config
 from core.detection.saved import SavedDetector
@@ -208,6 +209,8 @@ class WatchView:
     """Whether it shows 3D (stereo recordings only) or the cameras' pictures."""
     hidden: frozenset[str] = frozenset()
     """Hidden layers."""
+    prediction: PredictionName | None = None
+    """How hits are predicted in recordings; None: as the server was told."""
     large: str = ""
     """Camera whose picture fills the middle; none if empty."""
     table: TableClicks = field(default_factory=TableClicks)

@@ -373,6 +373,20 @@ class ResetConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class ResetAllConfigs:
+    """Reset both configs of every method to its defaults; each method's undo brings its own back."""
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        fresh = Configs(DetectorConfig(), DetectorConfig())
+        own_configs = {
+            method: history.change(Configs(method_config(method), method_config(method)), topic=None, wall_s=wall_s)
+            for method, history in state.own_configs.items()
+        }
+        configs = state.configs.change(fresh, topic=None, wall_s=wall_s)
+        return replace(state, configs=configs, own_configs=own_configs)
+
+
+@dataclass(frozen=True, slots=True)
 class UseBeside:
     """Put a tuned config into B and its start config into A, and show both on the same window."""
 

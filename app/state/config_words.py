@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from app.state.browser_memory import default_config, differing_settings
@@ -36,6 +36,17 @@ def config_words(method: Method, slot: Slot, config: DetectorConfig) -> str:
 
 
 @dataclass(frozen=True, slots=True)
+class ShowChangedConfig:
+    """Show the sliders of the next config that is not the default."""
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        found = next_changed(changed_configs(state), state.tune.method, state.tune.slot)
+        if found is None:
+            return state
+        return replace(state, tune=replace(state.tune, method=found.method, slot=found.slot))
+
+
+@dataclass(frozen=True, slots=True)
 class ChangedConfig:
     """A config of this browser that is not the default."""
 
@@ -49,7 +60,7 @@ def changed_configs(state: ClientState) -> tuple[ChangedConfig, ...]:
     """All changed configs, over methods and slots; `auto` and `paper` share theirs, and count once."""
     found = []
     for method in METHODS:
-        if method in STAGED and method != shared_method():
+        if method not in state.own_configs and method != shared_method():
             continue
         configs = state.history_of(method).present
         for slot in SLOTS:
@@ -61,6 +72,22 @@ def changed_configs(state: ClientState) -> tuple[ChangedConfig, ...]:
 def shared_method() -> Method:
     """The method that stands for all that share their configs, in the order of the list."""
     return next(method for method in METHODS if method in STAGED)
+
+
+def changed_words(changed: tuple[ChangedConfig, ...]) -> str:
+    """Text such as "3 settings changed from default: auto A 2, refined B 1"; empty if none is."""
+    total = sum(one.settings for one in changed)
+    if not total:
+        return ""
+    each = ", ".join(f"{one.method} {one.slot} {one.settings}" for one in changed)
+    return f"{total} {'setting' if total == 1 else 'settings'} changed from default: {each}"
+
+
+def next_changed(changed: tuple[ChangedConfig, ...], method: Method, slot: Slot) -> ChangedConfig | None:
+    """The changed config behind this one in the list, round and round; the first if this one is not in it."""
+    shared = shared_method() if method in STAGED else method
+    at = next((n for n, one in enumerate(changed) if (one.method, one.slot) == (shared, slot)), -1)
+    return changed[(at + 1) % len(changed)] if changed else None
 
 
 def _value_text(value: object) -> str:

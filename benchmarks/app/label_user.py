@@ -231,7 +231,7 @@ class _User:
         width, height = self._size.width_px, self._size.height_px
         main = round(1280 * height / width)
         sheet = main + GAP_PX + HEIGHT_PX + GAP_PX + round(634 * height / width)
-        visible, middle = framing(1280, sheet, box["width"] / box["height"], free_share(WINDOW[1], with_panel=False))
+        visible, middle = framing(1280, sheet, box["width"] / box["height"], free_share(WINDOW[1], None))
         scale = box["height"] / visible
         x, y = (x_px + 0.5) * 1280 / width - 640, (y_px + 0.5) * 1280 / width - middle
         return box["x"] + box["width"] / 2 + x * scale, box["y"] + box["height"] / 2 + y * scale

@@ -19,11 +19,11 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.machine import describe_machine, report_rows_to
 from core.cameras import Camera, load_calibration, stereo_preset
-from core.cameras.calibration.body_bundle import ManyRig, fit_body
 from core.cameras.calibration.body_tracks import BodyTracks, body_tracks
-from core.cameras.calibration.many_cameras import ManyCalibration, calibrate_many
+from core.cameras.calibration.bundle import Rig, fit_body
 from core.cameras.calibration.point_track import PointTrack
-from core.cameras.calibration.rig import RigConfig
+from core.cameras.calibration.rig import RigConfig, calibrate_rig
+from core.cameras.calibration.rig_result import RigCalibration
 from core.cameras.calibration.scale import Scale
 from core.cameras.calibration.table_corners import CORNERS, Clicks
 from core.geometry import invert_transform, look_at, make_transform
@@ -168,13 +168,13 @@ def multiview_rows(folder: Path) -> list[Row]:
     """One clock; clocks fitted; lenses refined too; and the referee: errors on the half that was not used, px."""
     tracks, lenses = read_multiview(folder)
     used, held = (
-        body_tracks([_blocks(track, half) for track in tracks.values()], np.outer(WAND_M, [1.0, 0.0, 0.0]))
+        body_tracks({name: _blocks(track, half) for name, track in tracks.items()}, np.outer(WAND_M, [1.0, 0.0, 0.0]))
         for half in (0, 1)
     )
     cases = {"one clock": (0.0, False), "clocks fitted": (20.0, False), "clocks and lenses": (20.0, True)}
     rows: list[Row] = []
     for name, (max_offset_ms, refine) in cases.items():
-        found = calibrate_many(used, lenses, refine_lenses=refine, config=RigConfig(max_offset_ms=max_offset_ms))
+        found = calibrate_rig(used, lenses, refine_lenses=refine, config=RigConfig(max_offset_ms=max_offset_ms))
         rows.append({"case": name, **held_out(held, _rig_of(found)), **_clocks(found)})
         if name == "clocks fitted":
             judged = referee(used, found)
@@ -186,7 +186,7 @@ def multiview_rows(folder: Path) -> list[Row]:
     return rows
 
 
-def held_out(tracks: BodyTracks, rig: ManyRig) -> Row:
+def held_out(tracks: BodyTracks, rig: Rig) -> Row:
     """Medians of reprojection errors, and of the error in a camera that took no part in the triangulation; lengths."""
     t_us = tracks.instants(rig.offsets_us, rig.drifts_ppm)
     samples = tracks.sample(t_us, rig.offsets_us, rig.drifts_ppm)
@@ -244,7 +244,7 @@ def simulated_errors(
     tracks, scale = _sweep(cameras, path, swept, rng)
     lenses = {name: replace(camera, T_world_camera=np.eye(4)) for name, camera in cameras.items()}
     config = RigConfig(max_offset_ms=5.0, instants=instants)
-    found = calibrate_many(tracks, lenses, scale, ball=swept == "ball", config=config)
+    found = calibrate_rig(tracks, lenses, scale, ball=swept == "ball", config=config)
     poses = pose_errors(list(found.cameras.values()), list(cameras.values()))
     rows = []
     for number, report in list(enumerate(found.reports.values()))[1:]:
@@ -270,8 +270,8 @@ def _sweep(
     cameras: Mapping[str, Camera], path: BallPath, swept: str, rng: np.random.Generator
 ) -> tuple[BodyTracks, Scale | None]:
     """A swung ball as outlines at 500 Hz, or a turning wand of 0.4 m with two markers; the clocks run apart."""
-    tracks = []
-    for number, camera in enumerate(cameras.values()):
+    tracks = {}
+    for number, (name, camera) in enumerate(cameras.items()):
         if swept == "ball":
             track = seen_by(camera, path, rng, noise_px=NOISE_PX, stray_share=STRAY_SHARE)
         else:
@@ -286,7 +286,7 @@ def _sweep(
             uvs[~((uvs > 0) & (uvs < size)).all(axis=1)] = np.nan
             track = PointTrack.of(np.tile(t_us, 2), uvs, np.repeat([0, 1], len(t_us)))
         late = track.t_us * (1 + 1e-6 * DRIFT_PPM * number) + CLOCK_US * number
-        tracks.append(replace(track, t_us=late.round().astype(np.int64)))
+        tracks[name] = replace(track, t_us=late.round().astype(np.int64))
     centres = [camera.position_world_m for camera in cameras.values()]
     scale = Scale("baseline", float(np.linalg.norm(centres[1] - centres[0])))
     body_m = np.zeros((1, 3)) if swept == "ball" else np.array([[0.0, 0, 0], [0.4, 0, 0]])
@@ -304,7 +304,7 @@ def pose_errors(found: Sequence[Camera], true: Sequence[Camera]) -> Array:
     return np.array(rows)
 
 
-def referee(tracks: BodyTracks, found: ManyCalibration) -> ManyRig | None:
+def referee(tracks: BodyTracks, found: RigCalibration) -> Rig | None:
     """The rig of aniposelib's bundle adjustment over the same points, its baseline made ours; None if not installed."""
     try:
         anipose = importlib.import_module("aniposelib.cameras")
@@ -344,10 +344,10 @@ def _from_anipose(camera: Any) -> Array:
     return invert_transform(make_transform(R, np.ravel(camera.get_translation())))
 
 
-def _rig_of(found: ManyCalibration) -> ManyRig:
+def _rig_of(found: RigCalibration) -> Rig:
     reports = found.reports.values()
     offsets = np.array([report.offset_us for report in reports])
-    return ManyRig(tuple(found.cameras.values()), offsets, np.array([report.drift_ppm for report in reports]))
+    return Rig(tuple(found.cameras.values()), offsets, np.array([report.drift_ppm for report in reports]))
 
 
 def _blocks(track: PointTrack, half: int) -> PointTrack:
@@ -355,5 +355,5 @@ def _blocks(track: PointTrack, half: int) -> PointTrack:
     return PointTrack.of(track.t_us[keep], track.uvs_px[keep], track.marker[keep])
 
 
-def _clocks(found: ManyCalibration) -> Row:
+def _clocks(found: RigCalibration) -> Row:
     return {"clock_ms": "/".join(f"{1e-3 * report.offset_us:.2f}" for report in found.reports.values())}

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
-from typing import Final, Literal
+from typing import Final, Literal, get_args
 
 from core.cameras import TriangulationConfig
 from core.config import check_settings, choice, setting
 from core.detection import DetectorConfig, refined_config
 from core.detection.methods import METHODS, Method, method_config
+from core.errors import ConfigError
 from core.trajectory import (
     FilterConfig,
     FilterPredictor,
@@ -135,7 +136,24 @@ class ChainConfig:
         return PaperPredictor(self.predictor)
 
 
+PredictionName = Literal["filter", "paper"]
+PREDICTIONS: Final[tuple[PredictionName, ...]] = get_args(PredictionName)
+"""`filter`: every point of the flight. `paper`: the published fit of five points before, then after the bounce."""
+
+
+def with_prediction(chain: ChainConfig, name: PredictionName) -> ChainConfig:
+    """The chain with another prediction; its detector stays.
+
+    Raises:
+        ConfigError: if there is no such prediction.
+    """
+    if name == "paper":
+        return dataclasses.replace(chain, prediction="fit", predictor=published_predictor())
+    if name == "filter":
+        return dataclasses.replace(chain, prediction="filter", predictor=chain_predictor())
+    raise ConfigError("no such prediction", expected=" or ".join(PREDICTIONS), got=repr(name)[:40])
+
+
 def published_chain() -> ChainConfig:
     """The paper's detector and prediction, and nothing that the paper has not."""
-    chain = ChainConfig.of_method("paper")
-    return dataclasses.replace(chain, prediction="fit", predictor=published_predictor())
+    return with_prediction(ChainConfig.of_method("paper"), "paper")

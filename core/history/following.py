@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from core.cameras import Camera
 from core.chain.calibration_drift import CalibrationDrift
 from core.chain.chain import RallyChain
-from core.chain.config import ChainConfig
+from core.chain.config import ChainConfig, PredictionName, with_prediction
 from core.chain.control.controller import BuiltInController
 from core.chain.control.player import Player
 from core.chain.follow import calibrated_cameras
@@ -86,7 +86,9 @@ class Following:
     knows no outcomes, strokes are judged by what is seen.
     """
 
-    def __init__(self, recording: Recording) -> None:
+    def __init__(self, recording: Recording, config: ChainConfig | None = None) -> None:
+        """Begin; `config` is that of the chain, by default the usual one."""
+        self._config = config or ChainConfig()
         self.history = RallyHistory()
         self.cameras: dict[str, Camera] = calibrated_cameras(recording)
         self.drift = CalibrationDrift(self.cameras)
@@ -121,7 +123,7 @@ class Following:
             logger.exception("the chain failed on a recording")
 
     def _follow(self) -> None:
-        player = Player(RallyChain(self.cameras, ChainConfig()), BuiltInController())
+        player = Player(RallyChain(self.cameras, self._config), BuiltInController())
         judge = None if self.history.outcome_count else OutcomeClassifier()
         duration_us = self._recording.duration_us
         for windows in windows_side_by_side(self._recording.cameras, 0, duration_us, WINDOW_US):
@@ -137,20 +139,21 @@ class Following:
 
 
 class Followings:
-    """One Following a recording, shared by all browsers."""
+    """One Following a recording and prediction, shared by all browsers."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._found: dict[str, Following] = {}
+        self._found: dict[tuple[str, PredictionName], Following] = {}
 
-    def of(self, recording: Recording) -> Following | None:
-        """The one of a recording, begun now if need be; None if it is not stereo."""
+    def of(self, recording: Recording, prediction: PredictionName = "filter") -> Following | None:
+        """The one of a recording with a prediction, begun now if need be; None if it is not stereo."""
         if not is_stereo(recording):
             return None
         with self._lock:
-            found = self._found.get(recording.uuid)
+            key = (recording.uuid, prediction)
+            found = self._found.get(key)
             if found is None:
-                found = self._found[recording.uuid] = Following(recording)
+                found = self._found[key] = Following(recording, with_prediction(ChainConfig(), prediction))
             return found
 
     def close(self) -> None:

@@ -19,6 +19,7 @@ from core.detection import Detection, Detector, DetectorConfig
 from core.detection.method_trace import MethodTrace, explain_step
 from core.detection.methods import Method, make_detector, method_config
 from core.detection.reasons import Reason, ReasonCounter, reasons_of
+from core.detection.refined.detector import SEARCH_EVERY
 from core.detection.window import windows_between
 from core.events import Window
 from core.recordings import CameraStream
@@ -181,7 +182,10 @@ LEAD_IN_WINDOWS: Final = 25
 
 def explain_window(stream: CameraStream, method: Method, config: DetectorConfig, t_us: int) -> WindowAnswer:
     """Like `answer_window`, with the trace of that window and, for long windows, with more of the time before."""
-    lead_in_us = max(LEAD_IN_US, LEAD_IN_WINDOWS * method_config(method, config).window.window_us)
+    window_us = method_config(method, config).window.window_us
+    lead_in = max(LEAD_IN_US // window_us, LEAD_IN_WINDOWS)
+    # `refined` searches its longest time span in every fourth window only: this window is such a one.
+    lead_in_us = window_us * (lead_in + -(lead_in + 1) % SEARCH_EVERY[-1])
     detector, window, lead_in = _led_in(stream, method, config, t_us, lead_in_us)
     trace = explain_step(detector, window)
     return WindowAnswer(method, window, trace.detection, lead_in, trace)

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 SIDE = 4
+LEAST = 3
+"""Neighbours on one side that say where a ball comes from, or goes to."""
 """Neighbours on either side that have a say."""
 
 
@@ -44,3 +46,19 @@ def residual_of_neighbours(t_us: NDArray[np.int64], x_px: Array, y_px: Array, *,
     if enough.any():
         middle[enough] = np.nanmedian(stack[:, enough], axis=0)
     return np.linalg.norm(places - middle, axis=1)
+
+
+def residual_of_one_side(t_us: NDArray[np.int64], x_px: Array, y_px: Array, row: int, *, max_gap_us: int) -> float:
+    """Distance of a position from the path before it or that behind it, whichever is nearer, px; nan without either.
+
+    At a bounce or a hit a position fits one of them; one that is wrong fits neither.
+    """
+    places, found = np.column_stack([x_px, y_px]), [float("nan")]
+    for rows in (np.arange(max(row - SIDE, 0), row), np.arange(row + 1, min(row + 1 + SIDE, len(t_us)))):
+        rows = rows[np.abs(t_us[rows] - t_us[row]) <= max_gap_us * SIDE]
+        if len(rows) < LEAST:
+            continue
+        since_ms = (t_us[rows] - t_us[row]) * 1e-3
+        at = [np.polyfit(since_ms, places[rows, axis], 2 if len(rows) > LEAST else 1)[-1] for axis in (0, 1)]
+        found.append(float(np.hypot(*(places[row] - at))))
+    return float(np.nanmin(found)) if len(found) > 1 else float("nan")

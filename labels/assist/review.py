@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from core.config import check_settings, setting
 from labels.arrays import STATES, LabelArrays
 from labels.assist.propose import Proposals
-from labels.assist.residual import residual_of_neighbours
+from labels.assist.residual import residual_of_neighbours, residual_of_one_side
 from labels.model import LabelState
 
 Array = NDArray[np.float64]
@@ -57,6 +57,9 @@ def review_queue(
 ) -> tuple[QueueItem, ...]:
     """Times in order of suspicion: the first is where a look would change a score most.
 
+    Stored labels whose cameras disagree come before all others: two cameras do not err alike. A position at a bounce is
+    on the path before it or on that behind it, and is not suspicious.
+
     A proposal that nobody has judged counts like a label: one off the path of all others is probably wrong, and costs
     a score twice, as a false ball and as a miss; where the path of the proposals has a hole, it costs it once.
     Proposals at `rejected_us` are judged.
@@ -77,19 +80,35 @@ def review_queue(
     if proposals is not None:
         _from_detector(labels, proposals, config, note)
         _from_unjudged(labels, proposals, np.asarray(rejected_us, np.int64), config, note)
+    contradicted: frozenset[int] = frozenset()
     if stereo_residual_px is not None:
         scores = np.nan_to_num(stereo_residual_px / config.sigma_px)
+        contradicted = frozenset(labels.t_us[scores >= config.least_score].tolist())
         note(labels.t_us, scores, [f"the cameras disagree by {residual:.1f} px" for residual in stereo_residual_px])
     if frames_us is not None:
         _from_gaps(labels, np.asarray(frames_us, np.int64), config, note)
-    return tuple(sorted(items.values(), key=lambda item: (-item.score, item.t_us)))
+    order = sorted(items.values(), key=lambda item: (item.t_us not in contradicted, -item.score, item.t_us))
+    return tuple(order)
 
 
 def _from_neighbours(labels: LabelArrays, config: QueueConfig, note: _Note) -> None:
     part = labels.rows(labels.seen)
     residual = residual_of_neighbours(part.t_us, part.x_px, part.y_px, max_gap_us=config.max_gap_us)
     reasons = [f"Label is {value:.1f} px off the neighbours' path" for value in residual]
-    note(part.t_us, np.nan_to_num(residual / config.sigma_px), reasons)
+    scores = np.nan_to_num(residual / config.sigma_px)
+    note(part.t_us, _without_bounces(part.t_us, part.x_px, part.y_px, scores, config.sigma_px, config), reasons)
+
+
+def _without_bounces(
+    t_us: NDArray[np.int64], x_px: Array, y_px: Array, scores: Array, sigma_px: float, config: QueueConfig
+) -> Array:
+    """The scores (N,), 0 where a position off the path of its neighbours is on that of one side: a bounce, or a hit."""
+    scores = scores.copy()
+    for row in np.flatnonzero(scores >= config.least_score).tolist():
+        one_side_px = residual_of_one_side(t_us, x_px, y_px, row, max_gap_us=config.max_gap_us)
+        if one_side_px / sigma_px < config.least_score:
+            scores[row] = 0.0
+    return scores
 
 
 def _from_states(labels: LabelArrays, config: QueueConfig, note: _Note) -> None:
@@ -133,7 +152,8 @@ def _from_unjudged(
     t_us, proposed = t_us[order], order >= len(known)
     residual = residual_of_neighbours(t_us, x, y, max_gap_us=config.max_gap_us)
     sigma = np.hypot(config.sigma_px, config.detector_sigma_px)
-    scores = np.minimum(np.nan_to_num(residual / sigma), 0.8 * config.contradiction)
+    scores = _without_bounces(t_us, x, y, np.nan_to_num(residual / sigma), sigma, config)
+    scores = np.minimum(scores, 0.8 * config.contradiction)
     reasons = [
         f"Proposal is {value:.1f} px off the neighbours' path. Bounce? Shift Enter" for value in residual[proposed]
     ]

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from app.modes.label.annotator import AnnotatorPrompt, annotator_from, last_annotator, remember_annotator
+from app.modes.label.ball_search import NOT_FOUND, BallRequest, BallSearch
 from app.modes.label.comparer import LabelComparer, OtherStores
 from app.modes.label.editor import EditorAct, LabelCallbacks, LabelEditor, Note
 from app.modes.label.import_panel import LabelImports
@@ -31,7 +32,7 @@ from app.modes.label.panel import LabelPanel, PanelActions
 from app.modes.label.pictures import LabelMosaic, LabelPictures
 from app.modes.label.plan import LabelScene
 from app.modes.label.results import LabelResults
-from app.modes.label.sightings import CameraAgreement, agreement_at, draft_at
+from app.modes.label.sightings import CameraAgreement, agreement_at, draft_at, expected_at
 from app.modes.label.status import (
     Checked,
     checked_of,
@@ -48,6 +49,7 @@ from app.modes.live_copy import LiveCopy
 from app.modes.mode import Middle, ModeHost
 from app.panels.time_bar import runs_of_times
 from app.pictures.canvas import RENDERINGS
+from app.pictures.palette import PaletteIndex
 from app.state.client_state import ClientState
 from app.state.commands import Seek, SetRendering, SetStep, SignIn
 from app.views.image_view import DragPhase
@@ -101,6 +103,7 @@ class LabelMode:
             self._picture_failed,
             host.plane.freshness,
         )
+        self._search = BallSearch(host.pool, host.later, self._pictures.move_to, self._failed)
         actions = PanelActions(
             act=lambda name: host.later(lambda: self._act(name)),
             change=lambda **changes: host.later(lambda: self._do(lambda editor: editor.change_view(changes))),
@@ -172,8 +175,11 @@ class LabelMode:
         scene = self._scene(editor, state)
         if self._pictures.arrives(scene, now.t_us):
             self._ring, scene = None, replace(scene, ring=None)
+            self._search.want(self._ball_request(now, state))
         share = None if self._suggestions is None else self._suggestions.share
         words = status_words(now, editor.writer, self._checked(editor), self._agreement(now), share)
+        if self._search.is_missing:
+            words = (*words, (NOT_FOUND, PaletteIndex.NO_BALL))
         if isinstance(self._recording, RingRecording):
             words = live_words(self._live.share)
         self._pictures.ask(editor, scene, words, wall_s)
@@ -204,9 +210,18 @@ class LabelMode:
     def close(self) -> None:
         """The browser is gone."""
         self._pictures.close()
+        self._search.close()
         self._live.close()
         self._imports.close()
         self._drop()
+
+    def _ball_request(self, now: Labelling, state: ClientState) -> BallRequest | None:
+        """What to search where the zoomed picture is to follow a ball of which nothing is known."""
+        view, stream = now.view, now.source.stream
+        follows = view.follow and view.zoom > 1.0 and not view.repeat
+        if not follows or stream is None or expected_at(now, now.t_us, view.camera) is not None:
+            return None
+        return BallRequest(stream, now.t_us, state.detector)
 
     def _show_in_time_bar(self, editor: LabelEditor, wall_s: float) -> None:
         """The labels of the camera by state; in a second look only those of the second look."""

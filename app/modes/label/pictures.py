@@ -218,6 +218,10 @@ class LabelPictures:
         self._centre = centre_at(scene, t_us, self._centre)
         return True
 
+    def move_to(self, point: Point) -> None:
+        """The middle of the zoomed picture until the cursor comes to another place."""
+        self._centre = point
+
     def look_at(self, point: Point) -> None:
         """The middle of the zoomed picture from now on."""
         self._centre, self._arrival = point, None

@@ -24,7 +24,6 @@ from core.recordings import CameraStream
 from labels.assist import (
     Proposals,
     WholeFlight,
-    check_labels,
     check_stereo,
     labels_between,
     next_blind,
@@ -33,6 +32,7 @@ from labels.assist import (
     steady_segment,
     whole_flight,
 )
+from labels.assist.both_views import labelled_positions_at
 from labels.assist.propose import joined_proposals
 from labels.assist.review import QueueItem
 from labels.assist.stereo import median_residual_px
@@ -467,14 +467,29 @@ def _stereo_residual_px(now: Labelling, proposals: Proposals) -> NDArray[np.floa
     return median_residual_px(residuals)
 
 
+def _residual_with(now: Labelling, other: str) -> NDArray[np.float64]:
+    """(n,) distance of each label of the labelled camera from another camera's ball, px; nan where that has none.
+
+    The other's ball is its label, the curve through its labels or, where those say nothing, its proposal: the same that
+    the panel says how well the cameras agree with.
+    """
+    labels, work = now.here.arrays, now.works[other]
+    there_px = labelled_positions_at(work.arrays, labels.t_us)
+    if work.proposals is not None:
+        proposed, unknown = work.proposals.at(labels.t_us), np.isnan(there_px[:, 0])
+        there_px[unknown] = np.column_stack([proposed.x_px, proposed.y_px])[unknown]
+    here_px = np.column_stack([labels.x_px, labels.y_px])
+    here_px[~labels.seen] = np.nan
+    return check_stereo(now.rig[now.view.camera], here_px, now.rig[other], there_px).residual_px
+
+
 def _suspicious(now: Labelling) -> tuple[QueueItem, ...]:
     """What is to be looked at in the labelled camera, the worst first."""
     here, rig = now.here, now.rig
-    there = {name: now.works[name].arrays for name in rig if name != now.view.camera}
     residuals = [
-        check_labels(rig[now.view.camera], here.arrays, rig[name], arrays).residual_px
-        for name, arrays in there.items()
-        if len(arrays) and len(here.arrays)
+        _residual_with(now, name)
+        for name in rig
+        if name != now.view.camera and len(here.arrays) and (len(now.works[name].arrays) or now.works[name].proposals)
     ]
     return review_queue(
         here.arrays,

@@ -67,6 +67,10 @@ PRESETS: Final[dict[str, Preset]] = {
 }
 
 
+CUSTOM: Final = "custom"
+"""Shown in place of a preset that was changed."""
+
+
 def offered_agents() -> tuple[AgentName, ...]:
     """Agents that can be trained here; some need stable-baselines3."""
     ours: tuple[AgentName, ...] = ("ddpg", "landing-model")
@@ -210,7 +214,7 @@ class FormPanel:
     ) -> None:
         self._start = start
         self._choose = choose
-        self._preset = gui.add_dropdown("Preset", offered_presets(), hint="Fills in all settings below")
+        self._preset = gui.add_dropdown("Preset", (*offered_presets(), CUSTOM), hint="Fills in all settings below")
         specs = form_specs()
         self._specs = {spec.path: spec for spec in specs}
         self._handles = {spec.path: add_field_control(gui, spec) for spec in specs[: len(MAIN)]}
@@ -224,6 +228,9 @@ class FormPanel:
         )
         button = gui.add_button("Start", icon=viser.Icon.PLAYER_PLAY)
         when_changed(self._preset, lambda name: later(lambda: self._use(str(name))))
+        for path, handle in self._handles.items():
+            if path != ("agent",):
+                when_changed(handle, lambda _: later(self._name_preset))
         when_changed(self._handles[("agent",)], lambda agent: later(lambda: self._use_agent(str(agent))))
         when_clicked(button, lambda: later(self._send))
         self._fill(PRESETS[TRAIN_NOW])
@@ -237,10 +244,22 @@ class FormPanel:
         if name in offered_presets():
             self._fill(PRESETS[name])
             self._choose(PRESETS[name])
+        else:
+            self._name_preset()
 
     def _use_agent(self, agent: str) -> None:
         for path, value in agent_defaults(agent).items():
             self._handles[path].value = value
+        self._name_preset()
+
+    def _name_preset(self) -> None:
+        """Show the preset that the form holds; `custom` once a value was changed, until it is changed back."""
+        name = next(name for name, preset in PRESETS.items() if preset is self._chosen)
+        held = all(
+            handle.value == value_shown(self._chosen.config, self._specs[path])
+            for path, handle in self._handles.items()
+        )
+        self._preset.value = name if held else CUSTOM
 
     def _fill(self, preset: Preset) -> None:
         self._chosen = preset

@@ -10,11 +10,14 @@ from typing import Final, cast, get_args
 import viser
 
 from app.background.jobs import LoopJob, Progress
+from app.formatting import html_text
 from app.modes.mode import ModeHost
 from app.modes.tune.auto_run import Against, AutoTuneAnswer, AutoTuneRequest, report_html, run_auto_tune
 from app.modes.tune.settings import stage_counts_html
 from app.panels.field_control import field_label, section_title
+from app.state.client_state import Configs
 from app.state.commands import UseBeside
+from app.state.config_words import changed_settings, config_words
 from app.widgets import when_clicked
 from core.config import field_specs
 from core.detection import DetectorConfig
@@ -145,6 +148,27 @@ def _add_ticks(gui: viser.GuiApi) -> tuple[dict[str, viser.GuiCheckboxHandle], d
 PROGRESS_EVERY_S: Final = 0.1
 
 
+def loses_config(method: Method, configs: Configs) -> bool:
+    """Whether config B has settings that are neither the method's defaults nor those of A."""
+    return bool(changed_settings(method, configs.b)) and configs.b != configs.a
+
+
+def confirm_overwrite(gui: viser.GuiApi, config: str, start: Callable[[], None]) -> None:
+    """Ask before config B is replaced by what will be found."""
+    modal = gui.add_modal("Overwrite config B?")
+    with modal:
+        gui.add_html(f"<div>The result becomes config B. B now is: {html_text(config)}. Undo brings it back.</div>")
+        overwrite = gui.add_button("Overwrite B", icon=viser.Icon.WAND)
+        keep = gui.add_button("Keep B", icon=viser.Icon.X)
+
+    def begin() -> None:
+        modal.close()
+        start()
+
+    when_clicked(overwrite, begin)
+    when_clicked(keep, modal.close)
+
+
 class AutoTune:
     """Methods are called in the loop. `show_result` is given what to show of a search."""
 
@@ -170,9 +194,13 @@ class AutoTune:
         if share is not None and wall_s - self._shown_s >= PROGRESS_EVERY_S:
             self._shown_s = wall_s
             self.panel.show_progress(share, self._line)
+            if self._line and self._request is not None:
+                self._show_result(stage_counts_html(html_text(f"tuning {self._request.title}: {self._line}")))
 
     def cancel(self) -> None:
         """Stop the search without an answer."""
+        if self._job.running:
+            self._show_result(stage_counts_html("tuning was cancelled: A and B are as they were"))
         self._job.cancel()
 
     def close(self) -> None:
@@ -199,6 +227,20 @@ class AutoTune:
             start=state.history_of(form.method).present.a,
             where=self._host.services.places.flags(form.place, max(1, usable_cores() - 1)),
         )
+
+        configs = state.history_of(form.method).present
+        if loses_config(form.method, configs):
+            confirm_overwrite(
+                self._host.client.gui,
+                config_words(form.method, "B", configs.b),
+                lambda: self._host.later(lambda: self._run(request)),
+            )
+            return
+        self._run(request)
+
+    def _run(self, request: AutoTuneRequest) -> None:
+        if self._job.running:
+            return
 
         def work(progress: Progress, cancelled: Callable[[], bool]) -> AutoTuneAnswer:
             return run_auto_tune(request, progress=progress, say=say, cancelled=cancelled)

@@ -23,6 +23,8 @@ from core.recordings import CameraStream
 REST_S: Final = 1.5
 """A config is sampled when it has not changed for so long: not at each step of a slider."""
 KEPT: Final = 32
+REASONS: Final = 3
+"""Reasons that are named: in many recordings the first one is that most windows have nothing in them."""
 LIVE_US: Final = 5_000_000
 """The newest part of a live source that is sampled."""
 LIVE_VALID_S: Final = 10.0
@@ -120,15 +122,15 @@ def answer_sample(request: SampleRequest) -> SampleAnswer:
 
 
 def nothing_found_html(answer: SampleAnswer) -> str:
-    """Why nothing is found, with a link to the slider, and which other method finds a ball; empty if one is found."""
+    """Why nothing is found, with links to the sliders, and which other method finds a ball; empty if one is found."""
     sample, other = answer.sample, answer.other
     if sample.found or not sample.windows:
         return ""
     over = f"the last {1e-6 * LIVE_US:g} s" if answer.live else "this recording"
     text = f"<b>{html_text(sample.method)} finds no ball in a sample of {sample.windows} windows of {over}.</b>"
+    shares = (f"{reasons_html((one,))} in {percent(one.windows / sample.windows)}" for one in sample.reasons[:REASONS])
     if sample.reasons:
-        first = sample.reasons[0]
-        text += f" Most often, in {percent(first.windows / sample.windows)}: {reasons_html((first,))}."
+        text += f" Most often: {', '.join(shares)}."
     if other is not None:
         text += f" <b>{html_text(other.method)}</b> finds one in {percent(other.share)}."
     return f"<div style='font-size:12.5px;padding:2px 12px'>{text}</div>"

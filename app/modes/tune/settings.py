@@ -19,6 +19,7 @@ from app.state.commands import (
     EditSetting,
     LookAt,
     Redo,
+    ResetAllConfigs,
     ResetConfig,
     SetCamera,
     SetCompare,
@@ -28,6 +29,7 @@ from app.state.commands import (
     SetZoom,
     Undo,
 )
+from app.state.config_words import ShowChangedConfig, changed_configs, changed_words
 from app.widgets import Choice, Listing, when_changed, when_clicked
 from core.config import FieldSpec, field_specs, get_setting, replace_setting
 from core.detection import DetectorConfig
@@ -65,7 +67,7 @@ class SettingsPanel:
             edit = gui.add_button_group(
                 "Edit",
                 ("Undo", "Redo", "Reset", "Copy"),
-                hint="Z undoes, R redoes; Copy gives A's values to B or B's to A",
+                hint="Z undoes, R redoes; Reset: this method's config; Copy gives A's values to B or B's to A",
             )
             self._add_groups(gui)
         self._orders = {group: folder.order for group, folder in self._groups.items()}
@@ -251,10 +253,19 @@ class TuneViewPanel:
                 gui, "Config", SLOTS, lambda value: send(SetSlot(value)),  # type: ignore[arg-type]
                 hint="The config that the sliders change",
             )  # fmt: skip
+            self._changed = gui.add_html("", visible=False)
+            self._changes = gui.add_button_group(
+                "Changed", ("Show", "Reset all"), visible=False, hint="Show the next changed config; reset all methods"
+            )
             self._compare = gui.add_checkbox("Compare A and B", False, hint="Both configs on the same window")
         when_changed(self._zoom, lambda value: send(SetZoom(float(str(value)))))
         when_changed(self._compare, lambda value: send(SetCompare(bool(value))))
         when_clicked(self._follow, lambda: send(LookAt(None)))
+
+        @self._changes.on_click
+        async def _(event: viser.GuiEvent) -> None:
+            if event.client is not None:
+                send(ResetAllConfigs() if event.target.value == "Reset all" else ShowChangedConfig())
 
     def show(self, state: ClientState) -> None:
         """Update the controls from the state."""
@@ -270,6 +281,9 @@ class TuneViewPanel:
         self._follow.disabled = following or not zoomed
         self._follow.label = FOLLOW if zoomed and not following else FOLLOWING if zoomed else WHOLE
         self._slot.show(state.tune.slot)
+        words = changed_words(changed_configs(state))
+        self._changed.visible = self._changes.visible = bool(words)
+        self._changed.content = stage_counts_html(html_text(words))
         self._compare.value = state.tune.compare
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from app.scene.world import LAYERS
 from app.state.client_state import ClientState
+from core.chain.config import PREDICTIONS, PredictionName
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +60,16 @@ class EnlargeNextCamera:
         turn = ("", *state.cameras)
         at = turn.index(state.watch.large) if state.watch.large in turn else 0
         return replace(state, watch=replace(state.watch, large=turn[(at + 1) % len(turn)]))
+
+
+@dataclass(frozen=True, slots=True)
+class SetPrediction:
+    """Choose how hits are predicted in recordings."""
+
+    name: PredictionName
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return replace(state, watch=replace(state.watch, prediction=self.name)) if self.name in PREDICTIONS else state
 
 
 @dataclass(frozen=True, slots=True)

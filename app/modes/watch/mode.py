@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.background.jobs import LatestWins
-from app.modes.mode import Middle, ModeHost
+from app.modes.mode import Middle, ModeHost, do_in_pool
 from app.modes.watch.cameras_panel import CamerasPanel, sighting_of
-from app.modes.watch.commands import EnlargeCamera
+from app.modes.watch.commands import EnlargeCamera, SetPrediction
 from app.modes.watch.learning import LearningPanel
 from app.modes.watch.missed_ball import MissedBallSearch
 from app.modes.watch.robot import RobotPanel
@@ -25,6 +25,7 @@ from app.shared.live_rally import LiveRally, positions
 from app.shared.rallies import WatchedRally
 from app.state.client_state import ClientState
 from app.views.camera_pictures import CameraPicturesRequest
+from core.chain.config import PREDICTIONS, PredictionName
 from core.errors import CommandError
 from core.history.lead_time import LeadTimeErrors, LeadTimesRequest, compute_lead_times
 from core.history.rally_history import RallyMoment
@@ -56,13 +57,21 @@ class WatchMode:
         self._rally: WatchedRally | None = None
         self._live: LiveRally | None = None
         """Live rally of the open recording; None for a file."""
+        self._prediction: PredictionName = host.services.rallies.prediction
+        """Prediction with which the shown recording is followed."""
         self._positions: dict[str, NDArray[np.float64]] = {}
         self._active = False
         gui = host.client.gui
         self._folder = gui.add_folder(None, visible=False)
         with self._folder:
             self._view = ViewPanel(
-                gui, host.send, self._look_from, self._look_again, self._save_picture, host.world.views
+                gui,
+                host.send,
+                self._look_from,
+                self._look_again,
+                self._save_picture,
+                host.world.views,
+                self._predict,
             )
             self._table = TablePanel(gui, host)
             self._board = BoardPanel(gui, host)
@@ -107,7 +116,8 @@ class WatchMode:
     def use_recording(self, recording: Recording) -> None:
         """Another recording was opened."""
         self._missed.use_recording(recording)
-        self._rally = self._host.services.rallies.of(recording)
+        self._prediction = self._chosen_prediction(self._host.state)
+        self._rally = self._host.services.rallies.of(recording, self._prediction)
         self._drawn = None
         self._status_s, self._predictions = 0.0, -1
         live = self._host.services.rallies.live
@@ -124,10 +134,15 @@ class WatchMode:
         self._cameras.show_large(state.watch.large)
         if self.middle == "world":
             self._cameras.room.follow(self._host.client.camera.aspect)
-        self._view.show(
-            state, is_stereo=self._rally is not None, knows_ball=self._host.knows_ball, views=self._host.world.views
-        )
         live = self._live
+        self._follow_prediction(state)
+        self._view.show(
+            state,
+            is_stereo=self._rally is not None,
+            knows_ball=self._host.knows_ball,
+            views=self._host.world.views,
+            prediction=self._prediction if live is None else live.prediction,
+        )
         self._table.show(state, live, flat=self.middle == "events")
         self._board.show(state, now_us, wall_s, flat=self.middle == "events")
         self._sweep.show(state, flat=self.middle == "events")
@@ -155,6 +170,26 @@ class WatchMode:
         if self.middle == "world":
             self._host.world.draw(self._rally.picture_of(moment))
         self._request_pictures(state, moment, wall_s)
+
+    def _chosen_prediction(self, state: ClientState | None) -> PredictionName:
+        chosen = None if state is None else state.watch.prediction
+        return chosen or self._host.services.rallies.prediction
+
+    def _follow_prediction(self, state: ClientState) -> None:
+        """Show the recording with the chosen prediction: another pass of the chain, which begins now if need be."""
+        recording = self._host.recording
+        if self._live is None and recording is not None and self._chosen_prediction(state) != self._prediction:
+            self.use_recording(recording)
+
+    def _predict(self, name: str) -> None:
+        """Use another prediction: in this browser for a recording, for all browsers in the live rally."""
+        live = self._live
+        if name not in PREDICTIONS:
+            return
+        if live is None:
+            self._host.send(SetPrediction(name))
+        else:
+            do_in_pool(self._host, lambda: live.predict_with(name))
 
     def _show_controls(self, live: LiveRally | None, wall_s: float) -> None:
         """Show the live controls while a live rally is watched."""

@@ -52,7 +52,7 @@ def drift_words(report: DriftReport) -> str:
 
 CHANGING = (
     "Ball speed",
-    "Hit in",
+    "Hit at",
     "Stereo mismatch",
     "Placed by",
     "Hit predicted before the bounce",

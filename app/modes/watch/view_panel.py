@@ -13,6 +13,7 @@ from app.scene.world import LAYERS
 from app.state.client_state import ClientState
 from app.state.commands import Command
 from app.widgets import Choice, when_changed, when_clicked, when_triggered
+from core.chain.config import PREDICTIONS, PredictionName
 
 IN_SPACE, FLAT = "3D", "Pictures"
 WHY_FLAT_HTML = (
@@ -32,7 +33,9 @@ class ViewPanel:
         look_again: Callable[[], None],
         save_picture: Callable[[], None],
         views: tuple[str, ...],
+        predict: Callable[[str], None],
     ) -> None:
+        """`predict` is given a name of `PREDICTIONS` that was chosen."""
         self._gui = gui
         self._look_from = look_from
         self._space = Choice(gui, "Show", (IN_SPACE, FLAT), lambda chosen: send(ShowSpace(chosen == IN_SPACE)))
@@ -40,6 +43,12 @@ class ViewPanel:
         self._views_folder = gui.add_folder(None)
         self._views = views
         self._add_views()
+        self._prediction = gui.add_dropdown(
+            "Prediction",
+            PREDICTIONS,
+            hint="filter: every point of the flight. paper: five points before and five after the bounce, as published",
+        )
+        when_changed(self._prediction, lambda name: predict(str(name)))
         self._layers_folder = gui.add_folder("Layers", expand_by_default=False)
         with self._layers_folder:
             self._layers = {layer: gui.add_checkbox(layer, True) for layer in LAYERS}
@@ -54,8 +63,17 @@ class ViewPanel:
         for layer, box in self._layers.items():
             when_changed(box, lambda on, layer=layer: send(ShowLayer(layer, bool(on))))
 
-    def show(self, state: ClientState, *, is_stereo: bool, knows_ball: bool, views: tuple[str, ...]) -> None:
+    def show(
+        self,
+        state: ClientState,
+        *,
+        is_stereo: bool,
+        knows_ball: bool,
+        views: tuple[str, ...],
+        prediction: PredictionName,
+    ) -> None:
         """Update from the state; a recording that is not stereo has no 3D."""
+        self._prediction.visible, self._prediction.value = is_stereo, prediction
         in_space = is_stereo and state.watch.in_space and not state.watch.large
         self._space.show(IN_SPACE if in_space else FLAT)
         self._space.visible, self._why_flat.visible = is_stereo, not is_stereo

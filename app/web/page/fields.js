@@ -136,17 +136,22 @@
 
   rallyscope.ownField = (field, takes) => own.set(field, takes);
 
-  let before = ""; // what the field that has the focus held when it was last not typed in
-  addEventListener("focusin", ({ target }) => { if (isText(target)) before = target.value; }, true);
-  addEventListener("beforeinput", ({ target }) => { if (isText(target) && typing?.field !== target) before = target.value; }, true);
+  const held = new WeakMap(); // field -> what it held when it was last not typed in
+  addEventListener("focusin", ({ target }) => { if (isText(target)) held.set(target, target.value); }, true);
+  addEventListener("beforeinput", ({ target }) => { if (isText(target) && typing?.field !== target) held.set(target, target.value); }, true);
   addEventListener("input", ({ target }) => {
     if (writing || !isText(target) || typing?.field === target) return;
+    take(); // of another field: it was not left by a person
     const uuid = own.has(target) ? null : uuidOf(target);
-    if (uuid || own.has(target)) typing = { field: target, uuid, before };
+    if (uuid || own.has(target)) typing = { field: target, uuid, before: held.get(target) ?? "" };
   }, true);
   addEventListener("focusout", ({ target }) => {
     if (typing?.field === target) take();
     if (isText(target) && isNumber(target)) keepAway(target);
+  }, true);
+
+  addEventListener("click", ({ target }) => { // of a button that takes no focus, as in Safari
+    if (target instanceof Element && target.closest("button")) take();
   }, true);
 
   addEventListener("keydown", (event) => {

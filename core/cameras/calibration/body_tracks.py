@@ -29,6 +29,8 @@ STILL_US: Final = 100.0
 """The same where its motion is unknown: 0.1 mm at 1 m/s."""
 NEIGHBOUR_US: Final = 120_000.0
 """Motion is read from neighbours that are nearer than this: cameras of 10 pictures/s are enough for a slow wand."""
+GOLDEN: Final = (math.sqrt(5) - 1) / 2
+"""Its multiples, less their whole parts, fill an interval evenly, however many there are."""
 TABLE_COLUMNS: Final = "camera,time,x,y (seconds, pixels; also t_us,u_px,v_px) and, if known, sigma and marker"
 
 
@@ -66,33 +68,39 @@ class Samples:
         places, speeds = self.uvs_px + by * (self.speeds + by * self.growths), self.speeds + 2 * by * self.growths
         return replace(self, offsets_us=offsets_us, drifts_ppm=drifts_ppm, uvs_px=places, speeds=speeds)
 
-    def rows(self, keep: NDArray[np.bool_]) -> Samples:
-        """Some of the instants."""
-        names = ("t_us", "since_us", "uvs_px", "speeds", "growths", "directions", "sigmas")
-        return replace(self, **{name: getattr(self, name)[keep] for name in names})
+    def each_on_its_own(self) -> Samples:
+        """The M markers as so many points that nothing ties to each other: (G * M, 1, C), times repeated."""
+        count = self.uvs_px.shape[1]
+        names = ("uvs_px", "speeds", "growths", "directions", "sigmas")
+        flat = {name: getattr(self, name).reshape(-1, 1, *getattr(self, name).shape[2:]) for name in names}
+        return replace(self, t_us=np.repeat(self.t_us, count), since_us=np.repeat(self.since_us, count), **flat)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyTracks:
     """The tracks of C cameras, and the body whose points they are."""
 
+    names: tuple[str, ...]
     tracks: tuple[PointTrack, ...]
     sigmas: tuple[Array, ...]
     """(N,) per camera and sighting, relative."""
     body_m: Array
-    """(K, 3): places of the markers 0, 1, ... on the body; a single 0 for a ball."""
+    """(K, 3): places of the markers 0, 1, ... on the body; a single 0 for a ball, or for markers on a wand whose places
+    are not known: each of them is a point of its own."""
+    markers: int
+    """How many there are: K, or those of a wand whose places are not known."""
     middle_us: float
     """From which drifts are counted."""
 
     def sample(self, t_us: Array, offsets_us: Array, drifts_ppm: Array) -> Samples:
         """What each camera saw at common times (G,); its clock is ahead by its offset, and faster by its drift."""
-        shape = (len(t_us), len(self.body_m), len(self.tracks))
+        shape = (len(t_us), self.markers, len(self.tracks))
         uvs, speeds, growths, directions = (np.full((*shape, 2), fill) for fill in (np.nan, 0.0, 0.0, 0.0))
         sigmas = np.ones(shape)
         for c, track in enumerate(self.tracks):
             at_us = t_us + offsets_us[c] + 1e-6 * drifts_ppm[c] * (t_us - self.middle_us)
             motion, ahead = _motion(track), motion_directions(track)
-            for k in range(len(self.body_m)):
+            for k in range(self.markers):
                 rows = np.flatnonzero(track.marker == k)
                 if not len(rows):
                     continue
@@ -105,12 +113,18 @@ class BodyTracks:
                 growths[:, k, c], directions[:, k, c], sigmas[:, k, c] = growth, ahead[row], self.sigmas[c][row]
         since_us = t_us - self.middle_us
         clocks = (np.asarray(offsets_us, np.float64), np.asarray(drifts_ppm, np.float64))
-        return Samples(self.body_m, t_us, since_us, *clocks, uvs, speeds, growths, directions, sigmas)
+        samples = Samples(self.body_m, t_us, since_us, *clocks, uvs, speeds, growths, directions, sigmas)
+        return samples if len(self.body_m) > 1 else samples.each_on_its_own()
+
+    @property
+    def interval_us(self) -> float:
+        """Time between sightings of the fastest camera."""
+        steps = [np.diff(np.unique(track.t_us)) for track in self.tracks]
+        return min((float(np.median(step)) for step in steps if len(step)), default=2.0)
 
     def instants(self, offsets_us: Array, drifts_ppm: Array) -> Array:
         """(G,) common times at which any camera saw something, half an interval of the fastest apart or more."""
-        steps = [np.diff(np.unique(track.t_us)) for track in self.tracks]
-        apart_us = 0.5 * min((float(np.median(step)) for step in steps if len(step)), default=1.0)
+        apart_us = 0.5 * self.interval_us
         every = [
             track.t_us - offset - 1e-6 * drift * (track.t_us - self.middle_us)
             for track, offset, drift in zip(self.tracks, offsets_us, drifts_ppm, strict=True)
@@ -121,23 +135,36 @@ class BodyTracks:
                 chosen.append(t)
         return np.array(chosen)
 
+    def spread_instants(self, t_us: Array) -> Array:
+        """The times (G,) moved by up to half an interval between sightings, each by another share of it.
+
+        A sighting that is moved to the middle between two carries less noise than one that stays. Were the times those
+        of a camera's sightings, an offset of half an interval would make the residuals smaller, and be preferred for
+        that: the clocks came out 23 us off with sightings every 2 ms. So the shares are evenly spread.
+        """
+        apart_us = min(2 * FARTHEST_US, self.interval_us)
+        return t_us + ((GOLDEN * np.arange(len(t_us))) % 1.0 - 0.5) * apart_us
+
 
 def body_tracks(
-    tracks: Sequence[PointTrack], body_m: Array, sigmas: Sequence[Array] | None = None, *, clean: bool = True
+    tracks: Mapping[str, PointTrack], body_m: Array, sigmas: Mapping[str, Array] | None = None, *, clean: bool = True
 ) -> BodyTracks:
-    """The tracks of all cameras; of dense ones, strays that the neighbours do not expect are left out."""
-    given = sigmas or [np.ones(len(track.t_us)) for track in tracks]
+    """The tracks of all cameras by name; of dense ones, strays that the neighbours do not expect are left out."""
     kept, weights = [], []
-    for track, sigma in zip(tracks, given, strict=True):
+    for name, track in tracks.items():
+        sigma = sigmas[name] if sigmas is not None else np.ones(len(track.t_us))
         step = np.diff(track.t_us)[np.diff(track.marker) == 0]
         dense = clean and len(step) > 0 and float(np.median(step)) <= DENSE_US
         left = clean_track(track) if dense else track
         key, order = track.t_us * 128 + track.marker, np.argsort(track.t_us * 128 + track.marker, kind="stable")
         kept.append(left)
         weights.append(sigma[order][np.searchsorted(key[order], left.t_us * 128 + left.marker)])
-    every = np.concatenate([track.t_us for track in kept])
+    every = np.concatenate([track.t_us for track in kept]) if kept else np.zeros(0)
     middle_us = float(np.median(every)) if len(every) else 0.0
-    return BodyTracks(tuple(kept), tuple(weights), np.asarray(body_m, np.float64).reshape(-1, 3), middle_us)
+    places_m = np.asarray(body_m, np.float64).reshape(-1, 3)
+    most = max((int(track.marker.max(initial=0)) for track in kept), default=0)
+    markers = len(places_m) if len(places_m) > 1 else most + 1
+    return BodyTracks(tuple(tracks), tuple(kept), tuple(weights), places_m, markers, middle_us)
 
 
 def moved_pixels(tracks: BodyTracks, shifts: Sequence[tuple[Array, Array]]) -> BodyTracks:

@@ -1,4 +1,4 @@
-"""What one camera saw of the swept point: pixels over time, sampled at any time between them."""
+"""What one camera saw of the swept point: pixels over time."""
 
 from __future__ import annotations
 
@@ -17,11 +17,10 @@ from core.errors import CalibrationError
 Array = NDArray[np.float64]
 
 MAX_GAP_US: Final = 6000
-"""Nothing is interpolated across a longer gap: two 2 ms windows may fail in a row."""
+"""Neighbours that are farther apart say nothing about each other: two 2 ms windows may fail in a row."""
 STRAY_TIMES_MEDIAN: Final = 4.0
 """A sighting is a stray beyond this many median distances from where neighbours expect it: 3.4 sigma of plain noise in
 two axes."""
-GOLDEN: Final = (math.sqrt(5) - 1) / 2
 LARGEST_FILE_BYTES: Final = 256 << 20
 
 
@@ -44,23 +43,6 @@ class PointTrack:
         keep = np.flatnonzero(np.isfinite(uvs).all(axis=1))
         order = keep[np.lexsort((t[keep], which[keep]))]
         return PointTrack(t[order], uvs[order], which[order])
-
-
-def sample_values(track: PointTrack, values: Array, marker: NDArray[np.int64], at_us: Array) -> Array:
-    """`values` (N, K), one row per sighting, at times (M,) of markers (M,): linear between sightings, nan elsewhere."""
-    found = np.full((len(at_us), values.shape[1]), np.nan)
-    for which in np.unique(marker):
-        rows, asked = np.flatnonzero(track.marker == which), np.flatnonzero(marker == which)
-        if len(rows) < 2:
-            continue
-        t, at = track.t_us[rows], at_us[asked]
-        after = np.clip(np.searchsorted(t, at, side="right"), 1, len(t) - 1)
-        span = (t[after] - t[after - 1]).astype(np.float64)
-        share = (at - t[after - 1]) / np.maximum(span, 1.0)
-        inside = (t[0] <= at) & (at <= t[-1]) & (span > 0) & (span <= MAX_GAP_US)
-        low, high = values[rows[after - 1]], values[rows[after]]
-        found[asked[inside]] = (low + share[:, None] * (high - low))[inside]
-    return found
 
 
 def clean_track(track: PointTrack) -> PointTrack:
@@ -95,21 +77,6 @@ def motion_directions(track: PointTrack) -> Array:
     size = np.linalg.norm(move, axis=1, keepdims=True)
     near = (track.marker[after] == track.marker[before]) & (track.t_us[after] - track.t_us[before] <= 4 * MAX_GAP_US)
     return np.where(near[:, None] & (size > 0), move / np.maximum(size, 1e-12), 0.0)
-
-
-def common_instants(track: PointTrack, at_most: int) -> tuple[Array, NDArray[np.int64]]:
-    """Times (M,) between the sightings of a track, and their markers: where all cameras are to be compared.
-
-    Each lies a different share of the way from one sighting to the next (the golden ratio's multiples). Interpolation
-    smooths most in the middle; were the times the sightings' own, an offset of half a window would smooth the other
-    cameras, make the residuals smaller, and be preferred for that.
-    """
-    step = np.diff(track.t_us)
-    usable = np.flatnonzero((step > 0) & (step <= MAX_GAP_US) & (np.diff(track.marker) == 0))
-    if len(usable) > at_most:
-        usable = usable[np.linspace(0, len(usable) - 1, at_most).astype(int)]
-    share = (GOLDEN * np.arange(1, len(usable) + 1)) % 1.0
-    return track.t_us[usable] + share * step[usable], track.marker[usable]
 
 
 def read_point_track(path: Path) -> PointTrack:

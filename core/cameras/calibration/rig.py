@@ -1,37 +1,42 @@
-"""A rig of cameras from a point that was swept before them: poses, clock offsets, scale and place in the world."""
+"""Calibration of two cameras or more from a ball, a wand or a board that was moved before them.
+
+It gives poses, clocks with drift, the scale, and the place in the world.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from core.cameras.calibration.bundle import Adjusted, Rig, Sightings, adjust, points_of
+from core.cameras.calibration.body_tracks import BodyTracks, moved_pixels
+from core.cameras.calibration.bundle import SIZE, UNKNOWNS, Adjusted, Extra, Rig, adjust_rig, fit_body
 from core.cameras.calibration.placement import Placed, place_by_clicks, place_upright
-from core.cameras.calibration.point_track import (
-    PointTrack,
-    clean_track,
-    common_instants,
-    motion_directions,
-    sample_values,
-)
-from core.cameras.calibration.rig_result import CameraFit, RigCalibration
-from core.cameras.calibration.rig_start import SEARCH_INSTANTS, guess_rig, sightings_of
-from core.cameras.calibration.scale import Scale, ScaleFound, measure_scale
+from core.cameras.calibration.rig_chain import guess_rig, scaled_rig, shared_points
+from core.cameras.calibration.rig_result import RigCalibration, RigCamera
+from core.cameras.calibration.scale import Scale, ScaleFound, body_scale, measure_scale
 from core.cameras.calibration.table_corners import Clicks
+from core.cameras.calibration.triangulation import points_of
 from core.cameras.camera import Camera
 from core.cameras.outline import ball_circles
 from core.config import check_settings, setting
 from core.errors import CalibrationError
-from core.geometry import make_transform
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 ROUGH_PX: Final = 1.0
 """Width of the robust loss that improves the guess."""
+POOR_SIGMA_M: Final = 0.02
+POOR_SIGMA_RAD: Final = 0.01
+"""A camera whose pose is known no better than to one of these is named."""
+MOVING_SHARE: Final = 0.5
+STILL_NOTE: Final = "the clocks are taken as equal: pictures too far apart to see the motion between them"
+FIRM: Final = 1e4
+"""Weight of a length that is taken as known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,54 +57,64 @@ class RigConfig:
 
 
 def calibrate_rig(
-    tracks: Mapping[str, PointTrack],
+    tracks: BodyTracks,
     lenses: Mapping[str, Camera],
-    scale: Scale,
+    scale: Scale | None = None,
     *,
     clicks: Mapping[str, Clicks] | None = None,
-    ball: bool = True,
+    ball: bool = False,
+    refine_lenses: bool = False,
     config: RigConfig | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> RigCalibration:
-    """Poses, clocks and scale of the cameras of `tracks`, whose `lenses` are known (their poses are not looked at).
+    """Poses, clocks and scale of the cameras of `tracks`; the first one's clock is the common one.
 
-    With `ball` the pixels are centres of a ball's outline, which lie a little farther out than its centre's image, and
-    a detector may have put them ahead of the ball, all alike: that lead is fitted too.
+    Args:
+        tracks: what each camera saw, and the body; one with a size (a wand, a board) is the scale.
+        lenses: by the cameras' names; their poses are not looked at.
+        scale: of a single point, such as a ball.
+        clicks: the table's corners in some of the pictures; they place the rig in the world.
+        ball: the pixels are centres of a ball's outline, which lie a little farther out than the image of its centre,
+            and a detector may have put them ahead of the ball, all alike: that lead is fitted too.
+        refine_lenses: fit focal lengths, principal points, k1 and k2 too.
+        config: how it is done.
+        progress: called with shares of the work done.
 
     Raises:
-        CalibrationError: if cameras, sightings, scale or corners do not allow it.
+        CalibrationError: if sightings, scale or corners do not allow it; a camera that shares too little is named.
     """
-    config = config or RigConfig()
-    names = tuple(tracks)
-    check_rig(names, lenses, scale, clicks or {})
-    cameras = [lenses[name] for name in names]
-    seen = [clean_track(tracks[name]) for name in names]
+    config, clicks = config or RigConfig(), clicks or {}
+    _check(tracks, lenses, scale, clicks)
     steps = int(config.max_offset_ms / config.offset_step_ms)
     offsets_us = np.arange(-steps, steps + 1, dtype=np.float64) * (1e3 * config.offset_step_ms)
-    rig = guess_rig(seen, cameras, offsets_us, lambda share: progress(0.6 * share))
-    solved = _solve(seen, cameras, names, rig, scale, clicks or {}, config, ball=ball, rough_px=ROUGH_PX)
-    progress(0.8)
+    cameras = [lenses[name] for name in tracks.names]
+    rig = guess_rig(tracks, cameras, offsets_us, lambda share: progress(0.5 * share))
+    t_us = choose_instants(tracks, rig, config.instants)
+    clocks = config.max_offset_ms > 0 and _moves(tracks, rig, t_us)
+    t_us = tracks.spread_instants(t_us) if clocks else t_us
+    free = _free(len(cameras), clocks=clocks, lenses=refine_lenses, lead=ball)
+    unit: Extra = _unit_baseline if len(tracks.body_m) == 1 else _nothing
+    adjusted = adjust_rig(tracks, rig, t_us, free, unit, rough_px=ROUGH_PX)
+    progress(0.7)
+    corners = {tracks.names.index(name): found for name, found in clicks.items()}
+    found = _measure(tracks, adjusted, scale, corners)
     if ball:
-        seen = _centres_of_balls(seen, solved)
-        solved = _solve(seen, cameras, names, solved.relative, scale, clicks or {}, config, ball=True)
+        tracks = _centres_of_balls(tracks, adjusted, found.metres_per_unit)
+        adjusted = adjust_rig(tracks, adjusted.rig, t_us, free, unit)
+        found = _measure(tracks, adjusted, scale, corners)
+    progress(0.85)
+    if corners:
+        placed = place_by_clicks(tracks, adjusted, free, found, corners, config.click_sigma_px)
+    else:
+        placed = place_upright(adjusted, found)
     progress(1.0)
-    return _report(seen, names, solved)
+    notes: tuple[str, ...] = () if clocks or config.max_offset_ms == 0 else (STILL_NOTE,)
+    return _report(tracks, placed, found, notes, ball=ball)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Solved:
-    relative: Rig
-    """In the first camera's frame, baseline 1."""
-    sightings: Sightings
-    adjusted: Adjusted
-    scale: ScaleFound
-    placed: Placed
-    cameras: list[Camera]
-    marker: NDArray[np.int64]
-
-
-def check_rig(names: tuple[str, ...], lenses: Mapping[str, Camera], scale: Scale, clicks: Mapping[str, Clicks]) -> None:
-    """Raises CalibrationError where names, lenses, scale and clicks do not go together."""
+def _check(tracks: BodyTracks, lenses: Mapping[str, Camera], scale: Scale | None, clicks: Mapping[str, Clicks]) -> None:
+    """Raises CalibrationError where tracks, lenses, scale and clicks do not go together."""
+    names = tracks.names
     if len(names) < 2:
         got = ", ".join(names) or "none"
         raise CalibrationError("a rig has two cameras or more", expected="tracks of two cameras", got=got)
@@ -110,114 +125,127 @@ def check_rig(names: tuple[str, ...], lenses: Mapping[str, Camera], scale: Scale
     unknown = [name for name in clicks if name not in names]
     if unknown:
         raise CalibrationError("corners of an unknown camera", expected=", ".join(names), got=", ".join(unknown))
-    if scale.kind == "table" and len(clicks) < 2:
+    if scale is None and len(tracks.body_m) == 1:
+        raise CalibrationError("no scale", expected="a baseline, gravity, the table's corners or a wand")
+    if scale is not None and scale.kind == "table" and len(clicks) < 2:
         raise CalibrationError("no scale", expected="the table's corners in two cameras", got=f"{len(clicks)} cameras")
 
 
-def _solve(
-    tracks: list[PointTrack],
-    cameras: list[Camera],
-    names: tuple[str, ...],
-    start: Rig,
-    scale: Scale,
-    clicks: Mapping[str, Clicks],
-    config: RigConfig,
-    *,
-    ball: bool,
-    rough_px: float | None = None,
-) -> _Solved:
-    t_us, marker = common_instants(tracks[0], SEARCH_INSTANTS)
-    sightings = sightings_of(tracks, cameras, t_us, marker)
-    common = np.flatnonzero(np.isfinite(sightings.of(start)[..., 0]).sum(axis=1) >= 2)
-    chosen = common[np.linspace(0, len(common) - 1, min(len(common), config.instants)).astype(int)]
-    marker = marker[chosen]
-    sightings = sightings_of(tracks, cameras, t_us[chosen], marker)
-    free = np.ones(7 * len(tracks) + 1, np.bool_)
-    free[:7] = False
-    free[6:-1:7] &= config.max_offset_ms > 0
-    free[-1] = ball
-    adjusted = adjust(sightings, start, free, _unit_baseline, rough_px=rough_px)
-    relative = adjusted.rig
-    poses = {names.index(name): (cameras[names.index(name)], found) for name, found in clicks.items()}
+def _moves(tracks: BodyTracks, rig: Rig, t_us: Array) -> bool:
+    """Whether most sightings follow each other closely enough to know how the body moves in the pictures."""
+    samples = tracks.sample(t_us, rig.offsets_us, rig.drifts_ppm)
+    return bool(samples.speeds[np.isfinite(samples.uvs_px[..., 0])].any(axis=1).mean() > MOVING_SHARE)
 
-    def at_marker(t_us: Array, marker: NDArray[np.int64]) -> Sightings:
-        return sightings_of(tracks, cameras, t_us, marker)
 
-    found = measure_scale(scale, sightings, marker, adjusted, poses, at_marker)
-    if poses:
-        free[:6] = True
-        placed = place_by_clicks(sightings, adjusted, free, found, poses, config.click_sigma_px)
-    else:
-        placed = place_upright(adjusted, found)
-    solved = [
-        replace(camera, T_world_camera=make_transform(R, p))
-        for camera, R, p in zip(cameras, placed.adjusted.rig.Rs, placed.adjusted.rig.ps, strict=True)
-    ]
-    return _Solved(relative, sightings, adjusted, found, placed, solved, marker)
+def choose_instants(tracks: BodyTracks, rig: Rig, at_most: int) -> Array:
+    """Common times (G,) that two cameras or more see, each pair's evenly spread over the sweep."""
+    t_us = tracks.instants(rig.offsets_us, rig.drifts_ppm)
+    uvs = tracks.sample(t_us, rig.offsets_us, rig.drifts_ppm).uvs_px
+    count = len(rig.cameras)
+    seen = np.asarray(np.isfinite(uvs[..., 0]).reshape(len(t_us), -1, count).any(axis=1))
+    pairs = [np.flatnonzero(seen[:, a] & seen[:, b]) for a in range(count) for b in range(a)]
+    pairs = [rows for rows in pairs if len(rows)]
+    chosen: set[int] = set()
+    for rows in sorted(pairs, key=len):
+        wanted = max(at_most // max(len(pairs), 1), 1)
+        chosen.update(rows[np.linspace(0, len(rows) - 1, min(len(rows), wanted)).astype(int)].tolist())
+    rest = np.setdiff1d(np.flatnonzero(seen.sum(axis=1) >= 2), sorted(chosen))
+    missing = min(max(at_most - len(chosen), 0), len(rest))
+    chosen.update(rest[np.linspace(0, len(rest) - 1, missing).astype(int)].tolist() if missing else [])
+    return t_us[sorted(chosen)]
+
+
+def _free(count: int, *, clocks: bool, lenses: bool, lead: bool) -> Mask:
+    free = np.ones((count, SIZE), np.bool_)
+    free[0, :8] = False  # the first camera is the frame, and its clock is the common one
+    free[:, 6:8] &= clocks
+    free[:, 8:] &= lenses
+    return np.append(free.ravel(), lead)
+
+
+def _nothing(rig: Rig) -> Array:
+    return np.zeros(0)
 
 
 def _unit_baseline(rig: Rig) -> Array:
-    return np.array([1e4 * (float(np.linalg.norm(rig.ps[1] - rig.ps[0])) - 1.0)])
+    return np.array([FIRM * (rig.baseline - 1.0)])
 
 
-def _centres_of_balls(tracks: list[PointTrack], solved: _Solved) -> list[PointTrack]:
+def _measure(tracks: BodyTracks, adjusted: Adjusted, scale: Scale | None, corners: Mapping[int, Clicks]) -> ScaleFound:
+    """Metres per unit of the adjusted rig: 1 for a body with a size."""
+    if len(tracks.body_m) > 1 or scale is None:
+        return body_scale(tracks.body_m, int(adjusted.used.any(axis=(1, 2)).sum()))
+    rig = adjusted.rig
+    seen = tracks.sample(adjusted.t_us, rig.offsets_us, rig.drifts_ppm)
+    uvs = np.where(adjusted.used[..., None], seen.uvs_px - rig.lead_px * seen.directions, np.nan)[:, 0]
+    xys = np.stack([camera.undistort(uvs[:, c]) for c, camera in enumerate(rig.cameras)], axis=1)
+    return measure_scale(scale, seen.t_us, rig, xys, adjusted.sigma_px, corners)
+
+
+def _centres_of_balls(tracks: BodyTracks, adjusted: Adjusted, metres_per_unit: float) -> BodyTracks:
     """The tracks with each outline's centre moved to where the image of the ball's centre is."""
-    rig = solved.placed.adjusted.rig
-    ps = points_of(rig, solved.sightings.of(rig), solved.sightings.focals_px)
-    corrected = []
-    for track, camera, offset_us in zip(tracks, solved.cameras, rig.offsets_us.tolist(), strict=True):
-        t_us, shift = outline_shifts(camera, ps, solved.sightings.t_us + offset_us, solved.placed.adjusted.used)
-        shifts = [np.interp(track.t_us, t_us, column) for column in shift.T] if len(t_us) else [0.0, 0.0]
-        corrected.append(replace(track, uvs_px=track.uvs_px - np.column_stack(shifts)))
-    return corrected
-
-
-def outline_shifts(camera: Camera, ps: Array, t_us: Array, used: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Times (M,) and by how much a ball's outline is off the image of its centre then (M, 2), px.
-
-    The balls are at `ps` (N, 3) in the world at `t_us` (N,); those not used or not in the picture are left out.
-    """
-    circles = ball_circles(camera, ps)
-    shift = np.column_stack([circles.u_px, circles.v_px]) - camera.project(ps)
-    good = np.isfinite(shift[:, 0]) & used
-    return t_us[good], shift[good]
-
-
-def _report(seen: list[PointTrack], names: tuple[str, ...], solved: _Solved) -> RigCalibration:
-    adjusted = solved.placed.adjusted
-    rig, sightings = adjusted.rig, solved.sightings
-    ps = points_of(rig, sightings.of(rig), sightings.focals_px)
-    variances = np.diag(adjusted.covariance)[:-1].reshape(-1, 7)
-    fits = {}
-    for k, name in enumerate(names):
-        centres = seen[k].uvs_px - rig.lead_px * motion_directions(seen[k])
-        uvs = sample_values(seen[k], centres, solved.marker, sightings.t_us + rig.offsets_us[k])
-        fits[name] = CameraFit(
-            solved.cameras[k],
-            float(rig.offsets_us[k]),
-            1e3 * float(np.sqrt(variances[k, 6])),
-            float(np.sqrt(variances[k, 3:6].sum())),
-            float(np.sqrt(variances[k, :3].sum())),
-            uvs,
-            uvs - solved.cameras[k].project(ps),
-        )
-    baseline = float(np.linalg.norm(rig.ps[1] - rig.ps[0]))
-    return RigCalibration(
-        fits,
-        sightings.t_us,
-        ps,
-        adjusted.used,
-        adjusted.sigma_px,
-        rig.lead_px,
-        float(np.sqrt(adjusted.covariance[-1, -1])),
-        solved.scale,
-        baseline,
-        solved.placed.sigma_baseline_m,
-        solved.placed.frame,
-        solved.placed.click_rms_px,
-        _notes(solved.placed, names),
+    fit = fit_body(
+        tracks.sample(adjusted.t_us, adjusted.rig.offsets_us, adjusted.rig.drifts_ppm), adjusted.rig, adjusted.used
     )
+    rig, ps = scaled_rig(adjusted.rig, metres_per_unit), metres_per_unit * fit.points[:, 0]
+    shifts = []
+    for c, camera in enumerate(rig.cameras):
+        circles = ball_circles(camera, ps)
+        shift = np.column_stack([circles.u_px, circles.v_px]) - camera.project(ps)
+        good = np.isfinite(shift[:, 0]) & adjusted.used[:, 0, c]
+        shifts.append(((fit.samples.t_us + rig.offsets_us[c])[good], -shift[good]))
+    return moved_pixels(tracks, shifts)
 
 
-def _notes(placed: Placed, names: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(f"the corner {name} of {names[k]} is {off:.1f} px off" for k, name, off in placed.stray_clicks)
+def marker_lengths(tracks: BodyTracks, adjusted: Adjusted) -> dict[str, Array]:
+    """Distances (N,) of a wand's neighbouring markers and of its ends, m, each marker triangulated on its own."""
+    count = len(tracks.body_m)
+    if count < 2 or np.linalg.matrix_rank(tracks.body_m - tracks.body_m[0], tol=1e-9) > 1:
+        return {}
+    rig = adjusted.rig
+    uvs = tracks.sample(adjusted.t_us, rig.offsets_us, rig.drifts_ppm).uvs_px
+    uvs = np.where(adjusted.used[..., None], uvs, np.nan).reshape(-1, len(rig.cameras), 2)
+    xys = np.stack([camera.undistort(uvs[:, c]) for c, camera in enumerate(rig.cameras)], axis=1)
+    there = points_of(rig.poses, xys, rig.focals_px).reshape(-1, count, 3)
+    pairs = sorted({*((k, k + 1) for k in range(count - 1)), (0, count - 1)})
+    lengths = {f"{a}-{b}": np.linalg.norm(there[:, b] - there[:, a], axis=1) for a, b in pairs}
+    return {name: values[np.isfinite(values)] for name, values in lengths.items()}
+
+
+def _report(
+    tracks: BodyTracks, placed: Placed, scale: ScaleFound, notes: tuple[str, ...], *, ball: bool
+) -> RigCalibration:
+    adjusted = placed.adjusted
+    rig = adjusted.rig
+    # Where nothing fits, the point is that of all sightings: its residuals show by how much they do not.
+    shown = adjusted.used | ~adjusted.used.any(axis=(1, 2), keepdims=True)
+    fit = fit_body(tracks.sample(adjusted.t_us, rig.offsets_us, rig.drifts_ppm), rig, shown)
+    sigmas = np.sqrt(np.maximum(np.diag(adjusted.covariance), 0.0))
+    reports, poor = {}, []
+    for c, name in enumerate(tracks.names):
+        uvs = fit.samples.uvs_px[:, :, c] - rig.lead_px * fit.samples.directions[:, :, c]
+        projected = rig.cameras[c].project(fit.points.reshape(-1, 3)).reshape(uvs.shape)
+        own = dict(zip(UNKNOWNS, sigmas[c * SIZE : (c + 1) * SIZE].tolist(), strict=True))
+        offset, drift = float(rig.offsets_us[c]), float(rig.drifts_ppm[c])
+        known = {key: value for key, value in own.items() if value > 0}
+        one = RigCamera(rig.cameras[c], offset, drift, known, uvs, uvs - projected, adjusted.used[:, :, c])
+        reports[name] = one
+        place_m, turn_rad = one.sigma_position_m, one.sigma_rotation_rad
+        if place_m > POOR_SIGMA_M or turn_rad > POOR_SIGMA_RAD:
+            known_to = f"{1e3 * place_m:.0f} mm, {np.degrees(turn_rad):.2f} degrees"
+            poor.append(f"{name} is known to {known_to} only: sweep more there")
+    return RigCalibration(
+        reports=reports,
+        t_us=fit.samples.t_us,
+        points_m=fit.points,
+        sigma_px=adjusted.sigma_px,
+        lead_px=rig.lead_px,
+        sigma_lead_px=float(sigmas[-1]) if ball else 0.0,
+        covariance=adjusted.covariance,
+        scale=scale,
+        frame=placed.frame,
+        click_rms_px=placed.click_rms_px,
+        lengths_m=marker_lengths(tracks, adjusted),
+        shared=shared_points(tracks),
+        notes=(*notes, *placed.notes, *poor),
+    )

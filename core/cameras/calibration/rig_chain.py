@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from core.cameras.calibration.body_bundle import ManyRig
 from core.cameras.calibration.body_tracks import BodyTracks
-from core.cameras.calibration.bundle import Rig, points_of
+from core.cameras.calibration.bundle import Rig
 from core.cameras.calibration.relative_pose import POINTS_AT_LEAST, guess_relative_pose
+from core.cameras.calibration.triangulation import points_of
 from core.cameras.camera import Camera
 from core.errors import CalibrationError
 from core.geometry import invert_transform, make_transform
@@ -22,7 +22,11 @@ Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
 CHAINED_AT_LEAST: Final = 10
-"""Points that two pairs have in common, or lengths of a wand, so that one scale holds for both."""
+"""Points that two pairs have in common, so that one scale holds for both."""
+WAND_SIGHTINGS: Final = 20
+"""Lengths of a wand that give a pair its scale."""
+SEARCH_INSTANTS: Final = 20_000
+"""At most so many are looked at for each offset of the clocks."""
 SHARED_INSTANTS: Final = 4000
 """At most so many are looked at to count what cameras share."""
 
@@ -46,13 +50,12 @@ def shared_points(tracks: BodyTracks) -> NDArray[np.int64]:
     return np.rint(seen.T @ seen * len(t_us) / max(len(chosen), 1)).astype(np.int64)
 
 
-def guess_many(
+def guess_rig(
     tracks: BodyTracks,
-    names: Sequence[str],
     lenses: Sequence[Camera],
     offsets_us: Array,
     progress: Progress = lambda share: None,
-) -> ManyRig:
+) -> Rig:
     """All cameras in the first one's frame, the clocks of two as far apart as one of `offsets_us`.
 
     In metres where the body has a size; of a ball in units of the baseline of the pair that shares most.
@@ -60,19 +63,21 @@ def guess_many(
     Raises:
         CalibrationError: if a camera shares too little with the others; it is named, and what to sweep.
     """
-    shared = shared_points(tracks)
+    names, shared = tracks.names, shared_points(tracks)
     pairs = shared - np.diag(np.diag(shared))
     Ts: dict[int, Array] = {int(np.unravel_index(np.argmax(pairs), pairs.shape)[0]): np.eye(4)}
     clocks = dict.fromkeys(Ts, 0.0)
-    metric = len(tracks.body_m) > 1
     while len(Ts) < len(names):
+        # Pairs that seem to share nothing come last, but they are tried: their clocks may be far apart.
         best = sorted(((pairs[a, b], a, b) for a in Ts for b in range(len(names)) if b not in Ts), reverse=True)
         problem: CalibrationError | None = None
-        for count, a, b in best:
-            if count < POINTS_AT_LEAST:
-                break
+
+        def show(share: float) -> None:
+            progress((len(Ts) - 1 + share) / (len(names) - 1))
+
+        for _, a, b in best:
             try:
-                edge = _edge(tracks, lenses, a, b, offsets_us)
+                edge = _edge(tracks, lenses, a, b, offsets_us, show)
                 factor = 1.0 if edge.in_metres or len(Ts) == 1 else _scale(tracks, lenses, Ts, clocks, a, b, edge)
             except CalibrationError as error:
                 problem = problem or error
@@ -82,17 +87,18 @@ def guess_many(
             break
         else:
             assert problem is not None
+            if len(names) == 2:
+                raise problem
+            if best[0][0] < POINTS_AT_LEAST:
+                raise _too_little(names, shared, set(Ts)) from problem
             raise CalibrationError(f"{names[best[0][2]]} cannot be placed: {problem}") from problem
-        if count < POINTS_AT_LEAST:
-            raise _too_little(names, shared, set(Ts), problem)
-        progress((len(Ts) - 1) / (len(names) - 1))
     T_first = invert_transform(Ts[0])
     cameras = tuple(replace(lens, T_world_camera=T_first @ Ts[c]) for c, lens in enumerate(lenses))
-    rig = ManyRig(cameras, np.array([clocks[c] - clocks[0] for c in range(len(names))]), np.zeros(len(names)))
-    return rig if metric else scaled_rig(rig, 1.0 / _baseline(rig))
+    rig = Rig(cameras, np.array([clocks[c] - clocks[0] for c in range(len(names))]), np.zeros(len(names)))
+    return rig if len(tracks.body_m) > 1 else scaled_rig(rig, 1.0 / rig.baseline)
 
 
-def scaled_rig(rig: ManyRig, factor: float, R_world_frame: Array | None = None) -> ManyRig:
+def scaled_rig(rig: Rig, factor: float, R_world_frame: Array | None = None) -> Rig:
     """The rig with all lengths times a factor, in a turned frame."""
     R = np.eye(3) if R_world_frame is None else R_world_frame
     Ts = [camera.T_world_camera for camera in rig.cameras]
@@ -101,13 +107,7 @@ def scaled_rig(rig: ManyRig, factor: float, R_world_frame: Array | None = None) 
     return replace(rig, cameras=cameras)
 
 
-def _baseline(rig: ManyRig) -> float:
-    return float(np.linalg.norm(rig.cameras[1].position_world_m - rig.cameras[0].position_world_m))
-
-
-def _too_little(
-    names: Sequence[str], shared: NDArray[np.int64], placed: set[int], problem: CalibrationError | None
-) -> CalibrationError:
+def _too_little(names: Sequence[str], shared: NDArray[np.int64], placed: set[int]) -> CalibrationError:
     """Names the cameras that are cut off, how much each shares with whom, and what to sweep."""
     alone = [c for c in range(len(names)) if c not in placed]
     if len(placed) == 1:  # nobody shares anything with anybody
@@ -116,49 +116,52 @@ def _too_little(
     others = sorted((c for c in range(len(names)) if c != worst), key=lambda c: -int(shared[worst, c]))
     counts = ", ".join(f"{shared[worst, c]} with {names[c]}" for c in others)
     partner = next((c for c in others if c in placed), others[0])
-    cut_off = f"{names[worst]} shares too little with the rest" + (f" ({problem})" if problem else "")
     return CalibrationError(
-        cut_off,
+        f"{names[worst]} shares too little with the rest",
         expected=f"{POINTS_AT_LEAST} common sightings or more with a camera of the rest",
         got=f"{shared[worst, worst]} of its own, {counts}",
         remedy=f"sweep the ball where {names[worst]} and {names[partner]} both see it",
     )
 
 
-def _edge(tracks: BodyTracks, lenses: Sequence[Camera], a: int, b: int, offsets_us: Array) -> Edge:
+def _edge(tracks: BodyTracks, lenses: Sequence[Camera], a: int, b: int, offsets_us: Array, progress: Progress) -> Edge:
     """Two cameras by their common sightings; for a board by its poses before each."""
-    pair = replace(tracks, tracks=(tracks.tracks[a], tracks.tracks[b]), sigmas=(tracks.sigmas[a], tracks.sigmas[b]))
-    zeros = np.zeros(2)
-    first_only = replace(pair, tracks=pair.tracks[:1], sigmas=pair.sigmas[:1])
-    t_us = first_only.instants(zeros[:1], zeros[:1])
+    one, other = (replace(tracks, tracks=(tracks.tracks[c],), sigmas=(tracks.sigmas[c],)) for c in (a, b))
+    zeros = np.zeros(1)
+    t_us = one.instants(zeros, zeros)
+    t_us = t_us[np.linspace(0, len(t_us) - 1, min(len(t_us), SEARCH_INSTANTS)).astype(int)]
     body_rank = np.linalg.matrix_rank(tracks.body_m - tracks.body_m[0], tol=1e-9)
 
+    def seen_by(c: int, track: BodyTracks, offset_us: float) -> Array:
+        return lenses[c].undistort(track.sample(t_us, np.array([offset_us]), zeros).uvs_px.reshape(-1, 2))
+
+    first = seen_by(a, one, 0.0)
+
     def seen_at(offset_us: float) -> Array:
-        uvs = pair.sample(t_us, np.array([0.0, offset_us]), zeros).uvs_px
-        flat = uvs.reshape(-1, 2, 2)
-        xys = [lenses[c].undistort(flat[:, side]) for side, c in enumerate((a, b))]
-        return np.stack(xys, axis=1)
+        return np.stack([first, seen_by(b, other, offset_us)], axis=1)
 
     if body_rank > 1:
         return Edge(_by_boards(tracks.body_m, seen_at(0.0).reshape(len(t_us), -1, 2, 2)), 0.0, True)
     focal = float(np.mean([np.diag(lenses[c].K)[:2] for c in (a, b)]))
-    pose = guess_relative_pose(seen_at(0.0)[:, 0], lambda offset_us: seen_at(offset_us)[:, 1], offsets_us, focal)
+    pose = guess_relative_pose(
+        first, lambda offset_us: seen_by(b, other, offset_us), offsets_us, focal, progress=progress
+    )
     if body_rank == 0:
         return Edge(pose.T_first_second, pose.offset_us, False)
     there = _points(pose.T_first_second, seen_at(pose.offset_us), focal).reshape(len(t_us), -1, 3)
     lengths = np.linalg.norm(there[:, 1:] - there[:, :1], axis=2)
     true = np.linalg.norm(tracks.body_m[1:] - tracks.body_m[0], axis=1)
     ratios = (true / lengths)[np.isfinite(lengths)]
-    if len(ratios) < CHAINED_AT_LEAST:
-        raise CalibrationError("too little of the wand", expected=f"{CHAINED_AT_LEAST} lengths", got=len(ratios))
+    if len(ratios) < WAND_SIGHTINGS:
+        expected = f"{WAND_SIGHTINGS} distances between its markers, each seen by both cameras at one time"
+        raise CalibrationError("too little of the wand", expected=expected, got=len(ratios))
     T = make_transform(pose.T_first_second[:3, :3], float(np.median(ratios)) * pose.T_first_second[:3, 3])
     return Edge(T, pose.offset_us, True)
 
 
 def _points(T_first_second: Array, xys: Array, focal_px: float) -> Array:
     """(N, 3) in the first camera's frame."""
-    Rs, ps = np.stack([np.eye(3), T_first_second[:3, :3]]), np.stack([np.zeros(3), T_first_second[:3, 3]])
-    return points_of(Rig(Rs, ps, np.zeros(2)), xys, np.full(2, focal_px))
+    return points_of(np.stack([np.eye(4), T_first_second]), xys, np.full(2, focal_px))
 
 
 def _scale(
@@ -182,7 +185,7 @@ def _scale(
     xys = np.stack([lenses[c].undistort(uvs[:, k]) for k, c in enumerate(chosen)], axis=1)
     poses = np.stack([invert_transform(Ts[a]) @ Ts[c] for c in placed])
     focals = np.array([lenses[c].K[0, 0] for c in chosen])
-    known = points_of(Rig(poses[:, :3, :3], poses[:, :3, 3], offsets[:-1]), xys[:, :-1], focals[:-1])
+    known = points_of(poses, xys[:, :-1], focals[:-1])
     unit = _points(edge.T_first_second, xys[:, [placed.index(a), -1]], float(focals.mean()))
     ratios = (known[:, 2] / unit[:, 2])[np.isfinite(known[:, 2] * unit[:, 2])]
     ratios = ratios[ratios > 0]

@@ -138,6 +138,7 @@ class RefinedDetector:
         self._learnt = 0.0
         self.tracks: list[BallTrack] = []
         self._refused: list[Attempt] = []
+        self._refused_before: tuple[int, tuple[Attempt, ...]] = (0, ())
         self._given_up: list[BallTrack] = []
         self._blobs_found = 0
         self._end_us = 0
@@ -153,9 +154,11 @@ class RefinedDetector:
             self.sensor = window.events.sensor
             self.reset()
         end_us = self._end_us = window.end_us
-        self._windows += 1
-        self._refused.clear()
+        if self._refused:
+            self._refused_before = self._windows, tuple(self._refused)
+            self._refused.clear()
         self._given_up.clear()
+        self._windows += 1
         self._blobs_found = 0
         self._blobs.rejected[:] = 0.0
         self._history.append(window.events, end_us)
@@ -180,10 +183,16 @@ class RefinedDetector:
         return RefinedDetection(end_us - self.config.delay_us, u, v, r, vu, vv, stretch_ms, seen, ball.quality)
 
     def why_not(self) -> tuple[Reason, ...]:
-        """Limits that the nearest candidate of the last window failed, see `reasons_without_ball`."""
+        """Limits that the nearest candidate of the last window failed, see `reasons_without_ball`.
+
+        Slow things are searched in every fourth window only: without a candidate those of the last four windows count.
+        """
         blobs = self._blobs_found or blob_reasons(self._blobs.rejected, self.config)
+        since, refused = self._windows - SEARCH_EVERY[-1], self._refused
+        if not refused and not self._blobs_found and self._refused_before[0] > since:
+            refused = self._refused_before[1]
         return reasons_without_ball(
-            self._end_us, self._recent, blobs, self._refused, self.tracks, self._given_up, self.config, self._brighter
+            self._end_us, self._recent, blobs, refused, self.tracks, self._given_up, self.config, self._brighter
         )
 
     def trace(self, window: Window) -> RefinedTrace:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+import urllib.error
 import urllib.request
 
 import pytest
@@ -43,8 +44,11 @@ def test_cameras_are_served_and_closed(serve_recording, tmp_path) -> None:
         command = [sys.executable, "-c", STARTED, str(serve_recording), *words, *places]
         process = subprocess.Popen(command, stdout=out, stderr=subprocess.STDOUT)
     try:
-        with urllib.request.urlopen(address_in(log, process), timeout=PATIENCE_S) as page:
+        address, browser = address_in(log, process), urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+        with browser.open(address, timeout=PATIENCE_S) as page:
             assert b"<html" in page.read(2000).lower()
+        with pytest.raises(urllib.error.HTTPError, match="401"):  # another user of this machine knows no token
+            urllib.request.urlopen(address.partition("?")[0], timeout=PATIENCE_S)
     finally:
         process.send_signal(signal.SIGINT)
     assert process.wait(PATIENCE_S) == 0, log.read_text()

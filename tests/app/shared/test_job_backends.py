@@ -54,6 +54,9 @@ def test_a_run_is_trained_and_gone_on_with_where_it_was_started(
         def poll(self) -> int:
             return 1
 
+        def wait(self) -> int:
+            return 1
+
     monkeypatch.setattr(trainer_module.subprocess, "Popen", Ended)
     trainer = Trainer(Workspace(tmp_path), JobBackends(ADDRESS))
     config = default_run("landing-model")

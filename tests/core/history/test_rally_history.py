@@ -139,6 +139,8 @@ def test_one_pass_is_shared_and_flat_recordings_have_none(recording) -> None:
         shared = followings.of(recording)
         assert isinstance(shared, Following) and list(shared.cameras) == list(recording.cameras)
         assert followings.of(recording) is shared
+        paper = followings.of(recording, "paper")
+        assert paper is not None and paper is not shared and followings.of(recording, "paper") is paper
         name, camera = next(iter(recording.cameras.items()))
         flat = SimpleNamespace(cameras={name: camera}, uuid="flat")
         assert followings.of(flat) is None  # type: ignore[arg-type]

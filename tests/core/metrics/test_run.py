@@ -6,7 +6,7 @@ import pytest
 from core.detection import RefinedDetection, ebpp_config, fe_fusion_config, refined_config
 from core.detection.methods import METHODS, make_detector, method_config
 from core.metrics import run_detector
-from core.metrics.run import answer_window
+from core.metrics.run import answer_window, explain_window
 from core.recordings import open_recording
 
 pytestmark = pytest.mark.numeric
@@ -45,3 +45,9 @@ def test_at_the_very_start_it_is_the_first_whole_window(stream, method: str) -> 
     assert (answer.window.start_us, answer.window.end_us, answer.lead_in_windows) == (0, window_us, 0)
     second = answer_window(stream, method, method_config(method), 2 * window_us)
     assert (second.window.start_us, second.lead_in_windows) == (window_us, 1)
+
+
+def test_a_window_that_is_explained_shows_all_that_the_default_method_searches(stream) -> None:
+    """Between two searches of the long time spans a slow thing would not be listed, and there would be no reason."""
+    answer = explain_window(stream, "refined", method_config("refined"), BALL_US)
+    assert answer.lead_in_windows % 4 == 3 and answer.lead_in_windows >= 60

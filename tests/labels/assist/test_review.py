@@ -72,6 +72,34 @@ def test_the_other_camera_speaks_against_labels() -> None:
     assert queue[0].reason == "the cameras disagree by 9.0 px"
 
 
+def test_a_stored_label_that_the_other_camera_contradicts_comes_before_worse_proposals() -> None:
+    residual = np.full(len(T), 0.3)
+    residual[7] = 8.4
+    rows = T + 1000  # between the labels
+    proposed = detections(rows)
+    y_px = proposed.y_px.copy()
+    y_px[3] += 60.0
+    queue = review_queue(straight(), proposals=dataclasses.replace(proposed, y_px=y_px), stereo_residual_px=residual)
+    assert queue[0].t_us == 14_000
+    assert queue[1].score > queue[0].score, "by its score alone the proposal came first"
+
+
+def test_a_bounce_is_no_mistake_of_labels_or_proposals_and_a_mistake_beside_it_is() -> None:
+    """The ball falls at 4 px/ms, is back up at 3 px/ms, and each window has noise of 0.2 px."""
+    noise = np.random.default_rng(3).normal(0.0, 0.2, (2, len(T)))
+    y = np.where(T < 29_000, 300 + 4e-3 * (T - 29_000), 300 - 3e-3 * (T - 29_000))
+    x = 100 + T * 2e-3
+    proposed = dataclasses.replace(detections(), x_px=x + noise[0], y_px=y + noise[1])
+    assert np.nanmax(residual_of_neighbours(T, x, y, max_gap_us=20_000)) > 3.0, "the neighbours' path has a corner"
+    assert review_queue(label_arrays([]), proposals=proposed) == ()
+    places = list(zip(T.tolist(), proposed.x_px.tolist(), proposed.y_px.tolist(), strict=True))
+    labels = [Label(t_us=t, state=LabelState.VISIBLE, x_px=u, y_px=v) for t, u, v in places]
+    assert review_queue(label_arrays(labels)) == ()
+    row = 14  # the last before the bounce
+    labels[row] = Label(t_us=int(T[row]), state=LabelState.VISIBLE, x_px=float(x[row]) + 14.0, y_px=float(y[row]))
+    assert [item.t_us for item in review_queue(label_arrays(labels))][:1] == [int(T[row])]
+
+
 def test_holes_between_labels_are_queued() -> None:
     labels = straight()
     labels = labels.rows(labels.t_us != 30_000)

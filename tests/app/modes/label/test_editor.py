@@ -26,6 +26,7 @@ from core.detection import refined_config
 from core.detection.saved import SavedDetector
 from core.events import Events, SensorSize
 from core.recordings import RecordingWriter, open_recording
+from labels.assist import Proposals
 from labels.formats.exchange import picture_name
 from labels.model import LabelState, PositionSource
 from labels.store import LabelStore, Layer, find_layers
@@ -593,6 +594,22 @@ def test_the_residual_of_each_camera_tells_which_one_has_something_else(four: Be
     four.suggestions.next_suspicious()
     four.wait(lambda: four.suggestions.reason)
     assert "the cameras disagree" in four.suggestions.reason
+
+
+def test_a_label_that_only_a_proposal_of_the_other_camera_contradicts_comes_first_in_the_queue(bench: Bench) -> None:
+    bench.click_truth(BALL_US)
+    bench.press(*["down_more"] * 14)
+    x, y = bench.truth(BALL_US, "right")
+    one = Proposals(
+        np.array([BALL_US]), np.array([x]), np.array([y]), np.array([9.0]), np.array([[0.01, 0.0, 0.01]]), 2000, "d"
+    )
+    add_proposals(bench.editor, {"right": one})
+    agreement = agreement_at(bench.work, BALL_US)
+    assert agreement is not None and agreement_words(agreement) == "cameras disagree by"
+    bench.suggestions.next_suspicious()
+    bench.wait(lambda: bench.suggestions.reason)
+    assert bench.suggestions.reason == f"the cameras disagree by {agreement.residual_px:.1f} px"
+    assert bench.work.t_us == BALL_US
 
 
 def test_a_whole_flight_is_accepted_in_four_cameras_though_one_sees_a_person(four: Bench) -> None:

@@ -3,11 +3,13 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from app import theme
 from app.modes.watch.status import moment_html
 from app.modes.watch.stream_status import camera_rows, device_rows, lost_words, stream_html
+from core.chain.control.decision import RacketDecision
 from core.devices import ClockEstimate
 from core.devices.camera_feed import FeedCounts
 from core.history.rally_history import Outcome, RallyHistory, RallyMoment
@@ -15,6 +17,7 @@ from core.history.rally_picture import LandingSpot
 from core.live.camera_source import CameraReport
 from core.live.stream_watch import CameraHealth, StreamHealth
 from core.physics.episode import Case
+from core.simulation.episodes.racket import RacketTarget
 
 WELL = StreamHealth(1.0, 0.01, False, 0, (CameraHealth("left", 0, 0, 0), CameraHealth("right", 0, 0, 0)))
 
@@ -68,10 +71,15 @@ def test_why_there_is_no_ball_in_space_is_said_in_place_of_how_it_is_followed(so
 
 
 def test_without_a_robot_and_outcomes_no_figure_speaks_of_them() -> None:
-    nothing = RallyMoment(0, RallyHistory().at(0, {}).picture, None, None, None, ())
-    alone = moment_html(nothing, 15.0, 1.0, robot=False, outcomes=False)
+    pose = RacketTarget(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3), 0.3)
+    sent = RacketDecision(
+        stage="post", state=np.zeros(6), goal_m=np.zeros(2), target=pose, action=np.zeros(3), landing_m=np.ones(2)
+    )
+    returned = Outcome(0, 0, 5.0, LandingSpot(0.8, 0.1, Case.RETURNED))
+    moment = RallyMoment(9, RallyHistory().at(0, {}).picture, None, sent, None, (returned,))
+    alone = moment_html(replace(moment, outcomes=()), 15.0, 1.0, robot=False, outcomes=False)
     for name in ("Racket turned by", "Racket pose", "Aims at", "Last ball", "Returned"):
-        assert name not in alone and name in moment_html(nothing, 15.0, 1.0)
+        assert name not in alone and name in moment_html(moment, 15.0, 1.0)
     assert "Hit predicted after the bounce" in alone
 
 

@@ -21,11 +21,10 @@ from benchmarks.calibration.bench_rig import (
 )
 from core.cameras import Camera
 from core.cameras.calibration import Board
-from core.cameras.calibration.body_bundle import ManyRig
 from core.cameras.calibration.body_tracks import body_tracks, read_points_table
-from core.cameras.calibration.many_cameras import calibrate_many
+from core.cameras.calibration.bundle import Rig
 from core.cameras.calibration.point_track import PointTrack
-from core.cameras.calibration.rig import RigConfig
+from core.cameras.calibration.rig import RigConfig, calibrate_rig
 from core.cameras.calibration.scale import Scale
 from core.errors import CalibrationError
 
@@ -41,13 +40,12 @@ def lenses(cameras: Mapping[str, Camera]) -> dict[str, Camera]:
     return {name: replace(camera, T_world_camera=np.eye(4)) for name, camera in cameras.items()}
 
 
-def sweep(cameras: Mapping[str, Camera], *, noise_px: float = 0.2, stray: float = 0.01) -> list[PointTrack]:
+def sweep(cameras: Mapping[str, Camera], *, noise_px: float = 0.2, stray: float = 0.01) -> dict[str, PointTrack]:
     rng = np.random.default_rng(0)
-    ahead = [700 * number for number in range(len(cameras))]
-    return [
-        seen_by(camera, SWING, rng, noise_px=noise_px, stray_share=stray, clock_ahead_us=late)
-        for camera, late in zip(cameras.values(), ahead, strict=True)
-    ]
+    return {
+        name: seen_by(camera, SWING, rng, noise_px=noise_px, stray_share=stray, clock_ahead_us=700 * number)
+        for number, (name, camera) in enumerate(cameras.items())
+    }
 
 
 @pytest.mark.parametrize(("count", "swept"), [(3, "ball"), (4, "wand")])
@@ -61,7 +59,7 @@ def test_poses_and_clocks_of_a_simulated_rig(count: int, swept: str) -> None:
 def test_corners_place_the_rig_at_the_table_and_give_the_scale() -> None:
     clicks = click_corners(CAMERAS, np.random.default_rng(1), 0.5)
     tracks = body_tracks(sweep(CAMERAS), BALL)
-    found = calibrate_many(tracks, lenses(CAMERAS), Scale("table"), clicks=clicks, ball=True, config=QUICK)
+    found = calibrate_rig(tracks, lenses(CAMERAS), Scale("table"), clicks=clicks, ball=True, config=QUICK)
     for name, camera in found.cameras.items():
         assert np.linalg.norm(camera.position_world_m - CAMERAS[name].position_world_m) < 0.008
         assert found.reports[name].sigmas["x"] < 0.01
@@ -71,10 +69,10 @@ def test_corners_place_the_rig_at_the_table_and_give_the_scale() -> None:
 
 def test_one_wrong_camera_is_left_out_and_the_rest_of_the_instant_is_kept() -> None:
     tracks = sweep(CAMERAS, stray=0.0)
-    wrong = tracks[2].uvs_px.copy()
+    wrong = tracks["cam2"].uvs_px.copy()
     wrong[200:400] += 40.0
-    tracks[2] = replace(tracks[2], uvs_px=wrong)
-    found = calibrate_many(body_tracks(tracks, BALL), lenses(CAMERAS), BASELINE, ball=True, config=QUICK)
+    tracks["cam2"] = replace(tracks["cam2"], uvs_px=wrong)
+    found = calibrate_rig(body_tracks(tracks, BALL), lenses(CAMERAS), BASELINE, ball=True, config=QUICK)
     assert found.reports["cam2"].left_out > 10
     assert all(found.reports[name].left_out <= 3 for name in ("cam0", "cam1", "cam3"))
     assert pose_errors(list(found.cameras.values()), list(CAMERAS.values()))[:, 0].max() < 1.5
@@ -82,19 +80,19 @@ def test_one_wrong_camera_is_left_out_and_the_rest_of_the_instant_is_kept() -> N
 
 def test_a_camera_that_sees_nothing_with_the_first_is_chained_over_the_others() -> None:
     tracks = sweep(CAMERAS, stray=0.0)
-    early, late = tracks[0].t_us < 2_500_000, tracks[3].t_us > 2_600_000
-    tracks[0] = PointTrack.of(tracks[0].t_us[early], tracks[0].uvs_px[early])
-    tracks[3] = PointTrack.of(tracks[3].t_us[late], tracks[3].uvs_px[late])
-    found = calibrate_many(body_tracks(tracks, BALL), lenses(CAMERAS), BASELINE, ball=True, config=QUICK)
+    early, late = tracks["cam0"].t_us < 2_500_000, tracks["cam3"].t_us > 2_600_000
+    tracks["cam0"] = PointTrack.of(tracks["cam0"].t_us[early], tracks["cam0"].uvs_px[early])
+    tracks["cam3"] = PointTrack.of(tracks["cam3"].t_us[late], tracks["cam3"].uvs_px[late])
+    found = calibrate_rig(body_tracks(tracks, BALL), lenses(CAMERAS), BASELINE, ball=True, config=QUICK)
     assert found.shared[0, 3] == 0
     assert pose_errors(list(found.cameras.values()), list(CAMERAS.values()))[:, 0].max() < 3.0
 
 
 def test_a_camera_that_shares_too_little_is_named_with_what_to_sweep() -> None:
     tracks = sweep(CAMERAS, stray=0.0)
-    tracks[3] = PointTrack.of(tracks[3].t_us[:12], tracks[3].uvs_px[:12])
+    tracks["cam3"] = PointTrack.of(tracks["cam3"].t_us[:12], tracks["cam3"].uvs_px[:12])
     with pytest.raises(CalibrationError, match=r"cam3 shares too little.*with cam0.*sweep the ball where cam3 and"):
-        calibrate_many(body_tracks(tracks, BALL, clean=False), lenses(CAMERAS), BASELINE, config=QUICK)
+        calibrate_rig(body_tracks(tracks, BALL, clean=False), lenses(CAMERAS), BASELINE, config=QUICK)
 
 
 def test_a_board_places_cameras_by_its_own_size() -> None:
@@ -111,12 +109,12 @@ def test_a_board_places_cameras_by_its_own_size() -> None:
                 seen[name][0].append(np.full(len(ps), 1_000_000 * number))
                 seen[name][1].append(uvs + rng.normal(0, 0.2, uvs.shape))
     size = len(points)
-    tracks = [
-        PointTrack.of(np.concatenate(t_us), np.concatenate(uvs), np.tile(np.arange(size), len(t_us)))
-        for t_us, uvs in seen.values()
-    ]
+    tracks = {
+        name: PointTrack.of(np.concatenate(t_us), np.concatenate(uvs), np.tile(np.arange(size), len(t_us)))
+        for name, (t_us, uvs) in seen.items()
+    }
     tracks = body_tracks(tracks, board.points_m)
-    found = calibrate_many(tracks, lenses(CAMERAS), config=RigConfig(max_offset_ms=0.0))
+    found = calibrate_rig(tracks, lenses(CAMERAS), config=RigConfig(max_offset_ms=0.0))
     assert pose_errors(list(found.cameras.values()), list(CAMERAS.values()))[:, 0].max() < 10.0
     assert found.sigma_px == pytest.approx(0.2, abs=0.03) and "board" in found.scale.origin
 
@@ -128,7 +126,7 @@ def test_lenses_are_refined_where_asked() -> None:
     wrong["cam1"] = replace(wrong["cam1"], K=K)
     tracks = body_tracks(sweep(CAMERAS, stray=0.0), BALL)
     kept, fitted = (
-        calibrate_many(tracks, wrong, BASELINE, ball=True, refine_lenses=refine, config=QUICK)
+        calibrate_rig(tracks, wrong, BASELINE, ball=True, refine_lenses=refine, config=QUICK)
         for refine in (False, True)
     )
     assert np.array_equal(kept.cameras["cam1"].K, K) and kept.sigma_px > 1.15 * fitted.sigma_px
@@ -161,5 +159,5 @@ def test_a_public_wand_before_four_real_cameras() -> None:
 def test_what_was_held_out_fits_the_true_rig() -> None:
     tracks = body_tracks(sweep(CAMERAS, stray=0.0), BALL)
     clocks = np.array([0.0, 700.0, 1400.0, 2100.0])
-    row = held_out(tracks, ManyRig(tuple(CAMERAS.values()), clocks, np.zeros(4)))
+    row = held_out(tracks, Rig(tuple(CAMERAS.values()), clocks, np.zeros(4)))
     assert row["median_px"] < 0.3 and row["unseen_median_px"] < 0.6

@@ -6,10 +6,8 @@ import pytest
 from core.cameras.calibration.point_track import (
     PointTrack,
     clean_track,
-    common_instants,
     motion_directions,
     read_point_track,
-    sample_values,
 )
 from core.errors import CalibrationError
 
@@ -21,28 +19,9 @@ def line(count: int = 50, step_us: int = 2000) -> PointTrack:
     return PointTrack.of(t_us, np.column_stack([3e-3 * t_us, 100 + 1e-8 * t_us**2]))
 
 
-def test_values_are_linear_between_sightings_and_nan_across_gaps_markers_and_ends() -> None:
-    t_us = np.array([0, 2000, 4000, 20_000, 22_000, 0, 2000])
-    track = PointTrack.of(t_us, np.column_stack([t_us, -t_us]), [0, 0, 0, 0, 0, 1, 1])
-    at = np.array([-1.0, 0.0, 500.0, 3999.0, 9000.0, 21_000.5, 22_001.0])
-    found = sample_values(track, track.uvs_px, np.zeros(len(at), np.int64), at)
-    np.testing.assert_allclose(found[:, 0], [np.nan, 0, 500, 3999, np.nan, 21_000.5, np.nan])
-    np.testing.assert_allclose(found[:, 1], -found[:, 0])
-    other = sample_values(track, track.uvs_px, np.ones(1, np.int64), np.array([3000.0]))
-    assert np.isnan(other).all(), "marker 1 ends at 2000"
-
-
 def test_sightings_come_in_any_order_and_those_that_are_none_are_left_out() -> None:
     track = PointTrack.of([30, 10, 20], [[3, 3], [1, 1], [np.nan, 2]], [0, 0, 0])
     assert track.t_us.tolist() == [10, 30] and track.uvs_px[:, 0].tolist() == [1, 3]
-
-
-def test_common_instants_lie_anywhere_between_sightings() -> None:
-    t_us, marker = common_instants(line(200), 1000)
-    share = t_us % 2000 / 2000
-    assert len(t_us) == 199 and not marker.any() and (np.diff(t_us) > 0).all()
-    assert np.histogram(share, 10, (0, 1))[0].min() >= 15, "evenly over the share of the way"
-    assert len(common_instants(line(200), 50)[0]) == 50
 
 
 def test_directions_are_along_the_motion_and_none_where_it_is_not_known() -> None:

@@ -145,6 +145,19 @@ def test_noise_that_has_no_blobs_names_the_setting_of_the_search(make_scene) -> 
         assert (reason.setting, reason.value) == ("refined.neighbours_min", 0)
 
 
+def test_between_two_searches_the_reasons_are_those_of_the_last_candidates(make_scene, make_flight) -> None:
+    """A slow disc is only in the time spans that are searched in every second or fourth window."""
+    flight = make_flight(u_px=150.0, v_px=120.0, r_px=14.0, du_px_per_ms=0.3)
+    detector = RefinedDetector(RefinedConfig(points_min=200), SENSOR)
+    reasons = []
+    for window in make_scene(flight, duration_us=60_000).windows(1000):
+        assert detector.step(window) is None
+        reasons.append({one.setting for one in detector.why_not()})
+    late = reasons[-20:]
+    assert all("refined.neighbours_min" not in settings for settings in late)
+    assert sum("refined.points_min" in settings for settings in late) > 10
+
+
 def test_a_candidate_that_is_given_up_says_by_how_much(windows) -> None:
     detector = RefinedDetector(RefinedConfig(), SENSOR)
     trace = next(one for one in map(detector.trace, windows) if one.tracks)
