@@ -52,8 +52,12 @@ def assert_nothing_overlaps(window: Window, share: float) -> None:
 
     eventually(stands, "the picture above the panel", lambda: (picture_box(window), box_of(page, PANEL)))
     assert panel[3] <= bar[1] and panel[2] - panel[0] >= canvas[2] - canvas[0] - 20
-    free = area((canvas[0], canvas[1], canvas[2], panel[1]))
-    assert area(picture_box(window)) / free > share
+
+    def shown_share() -> float:
+        free = area((canvas[0], canvas[1], canvas[2], box_of(page, PANEL)[1]))
+        return area(picture_box(window)) / free
+
+    eventually(lambda: shown_share() > share, "the picture to take the shape of what is free", shown_share)
 
 
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (1920, 1080)])

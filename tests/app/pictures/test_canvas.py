@@ -74,3 +74,14 @@ def test_a_zoomed_region_is_centred_and_has_the_sensor_s_shape() -> None:
     assert (region.width, region.height) == (16, 12)
     assert region.x + (region.width - 1) / 2 == pytest.approx(30.0, abs=0.5)
     assert region.y + (region.height - 1) / 2 == pytest.approx(20.0, abs=0.5)
+
+
+@pytest.mark.parametrize("aspect", [0.5, 1.0, 2.0])
+def test_a_region_of_another_shape_is_centred_and_its_shorter_side_is_the_height_of_the_sensors_shape(
+    aspect: float,
+) -> None:
+    sensor = SensorSize(1280, 720)
+    region = Region.around(600.0, 300.0, sensor, 4.0, aspect)
+    assert min(region.width, region.height) == 180 and region.width / region.height == pytest.approx(aspect)
+    assert region.x + (region.width - 1) / 2 == pytest.approx(600.0, abs=0.5)
+    assert region.y + (region.height - 1) / 2 == pytest.approx(300.0, abs=0.5)

@@ -1,7 +1,11 @@
 """Steps of a start: what the terminal says, and what the card shows."""
 
+from dataclasses import replace
+
+import pytest
+
 from app.background.child import ChildProcess, share_in
-from app.startup.panel import card_html
+from app.startup.panel import card_html, remaining_text
 from app.startup.startup import Preparation, Step
 
 
@@ -59,3 +63,12 @@ def test_a_child_is_heard_line_by_line_and_its_end_is_told() -> None:
     child = ChildProcess("this.is.no.module", on_line=heard.append, on_end=lambda: ended.append(True))
     assert child.wait() == 1
     assert "No module named" in child.last_words and heard[-1] == child.last_words and ended == [True]
+
+
+def test_the_time_that_is_left_is_estimated_from_the_rate_so_far() -> None:
+    step = Step("Compiling", state="running", share=0.25, began_s=100.0)
+    assert step.remaining_s(130.0) == pytest.approx(90.0)
+    assert replace(step, share=0.01).remaining_s(130.0) is None, "too little is done to say"
+    assert step.remaining_s(100.5) is None and replace(step, state="done").remaining_s(130.0) is None
+    assert remaining_text(None) == "" and remaining_text(1.0) == "about 5 s left"
+    assert remaining_text(42.0) == "about 40 s left" and remaining_text(460.0) == "about 8 minutes left"
