@@ -90,16 +90,8 @@ def read_cvat(path: Path, context: ImportContext) -> Imported:
     images: list[tuple[XmlNode, Path]] = []
     videos: list[Video] = []
     for file in files_at(path, ".xml", collector):
-        text = read_text(file, collector)
-        if text is None:
-            continue
-        try:
-            root = parse_xml(text)
-        except XmlError as error:
-            collector.reject(file, error.line, error)
-            continue
-        if root.tag != "annotations":
-            collector.reject(file, root.line, f"not a CVAT file; expected <annotations>, got <{root.tag}>")
+        root = _annotations(file, collector)
+        if root is None:
             continue
         listed = [(item, file) for item in root.children if item.tag == "image"]
         tracks = [item for item in root.children if item.tag == "track"]
@@ -110,13 +102,9 @@ def read_cvat(path: Path, context: ImportContext) -> Imported:
         for item in root.children:
             if item.tag not in ("version", "meta", "image", "track"):
                 collector.reject(file, item.line, f"<{item.tag}> is not read")
-    same = SamePictures()
-    for image, file in images:
-        same.add(file, [image.attributes.get("name", "")])
-    for file in dict.fromkeys(file for _, file in images):
-        if not same.accept(file, collector):
-            images = [entry for entry in images if entry[1] != file]
+    images = _without_repeated_files(images, collector)
     if len(videos) > 1 or (videos and images):
+        # Frames of a video have no names, only counts: those of two files are not the same pictures.
         what = "several files, each with its own count of pictures: import one of them"
         for video in videos:
             collector.reject(video.file, 1, what)
@@ -128,6 +116,32 @@ def read_cvat(path: Path, context: ImportContext) -> Imported:
     for image, file in images:
         _read_image(image, file, times, scaling, context, collector)
     return collector.done()
+
+
+def _annotations(file: Path, collector: Collector) -> XmlNode | None:
+    """The root of a CVAT file; None, and the file rejected, if it is none."""
+    text = read_text(file, collector)
+    if text is None:
+        return None
+    try:
+        root = parse_xml(text)
+    except XmlError as error:
+        collector.reject(file, error.line, error)
+        return None
+    if root.tag != "annotations":
+        collector.reject(file, root.line, f"not a CVAT file; expected <annotations>, got <{root.tag}>")
+        return None
+    return root
+
+
+def _without_repeated_files(images: list[tuple[XmlNode, Path]], collector: Collector) -> list[tuple[XmlNode, Path]]:
+    """The pictures without those of files that annotate the same pictures as another one."""
+    same = SamePictures()
+    for image, file in images:
+        same.add(file, [image.attributes.get("name", "")])
+    files = list(dict.fromkeys(file for _, file in images))
+    kept = {file for file in files if same.accept(file, collector)}
+    return [(image, file) for image, file in images if file in kept]
 
 
 def _size_of(image: XmlNode) -> tuple[float, float] | None:

@@ -200,39 +200,53 @@ class PictureNumbers:
     def _decide(self, stems: list[str], rows: list[list[_Part]], columns: list[int]) -> None:
         """Choose the number of names that differ in their numbers only."""
         numbers = [[row[k].number for k in columns] for row in rows]
-        joined = [rows[0][k].word.lower() for k in columns]
-        before = [rows[0][k - 1].text.lower() if k else "" for k in columns]
-        words = [word or previous for word, previous in zip(joined, before, strict=True)]
-        varying = [k for k in range(len(columns)) if len({row[k] for row in numbers}) > 1]
-        named = [k for k, word in enumerate(words) if word in FRAME_WORDS]
-        # "cam2_000005": the 2 is no picture, nor is that of "rally 2" before another number.
-        several = len(columns) > 1
-        other = {
-            k
-            for k in range(len(columns))
-            if joined[k] in NEVER_PICTURES
-            or (several and joined[k] in OTHER_WORDS)
-            or (words[k] in OTHER_WORDS and k < len(columns) - 1)
-        }
-        possible = [k for k in range(len(columns)) if k not in other]
-        chosen: int | None = None
-        reason = f"{len(varying) or len(columns)} numbers in its name, and it does not say which counts"
-        if not columns:
-            reason = "no number stands alone in its name"
-        elif not possible or any(k in other for k in varying if len(named) != 1 or joined[k] in NEVER_PICTURES):
-            reason = "the number that varies counts something else than pictures"
-        elif len(named) == 1:
-            chosen = named[0]
-        elif len(varying) == 1:
-            chosen = varying[0]
-        elif len(possible) == 1 and not varying and all(joined[k] for k in other):
-            chosen = possible[0]
+        chosen, reason = _counting_column(rows[0], numbers, columns)
         for stem, row in zip(stems, numbers, strict=True):
             number = None if chosen is None else row[chosen]
             if number is None:
                 self._reasons[stem] = reason
             else:
                 self._numbers[stem] = number
+
+
+def _counting_column(
+    first: Sequence[_Part], numbers: Sequence[Sequence[int | None]], columns: Sequence[int]
+) -> tuple[int | None, str]:
+    """Which of a name's numbers counts pictures, None if none does for sure, and the reason then.
+
+    Args:
+        first: the words of one of the names; the others differ in numbers only.
+        numbers: of each name, those of its words that are numbers.
+        columns: at which words they stand.
+    """
+    if not columns:
+        return None, "no number stands alone in its name"
+    places = range(len(columns))
+    joined = [first[k].word.lower() for k in columns]
+    words = [first[k].word.lower() or (first[k - 1].text.lower() if k else "") for k in columns]
+    varying = [k for k in places if len({row[k] for row in numbers}) > 1]
+    named = [k for k in places if words[k] in FRAME_WORDS]
+    other = _counts_of_something_else(joined, words)
+    possible = [k for k in places if k not in other]
+    if not possible or any(k in other for k in varying if len(named) != 1 or joined[k] in NEVER_PICTURES):
+        return None, "the number that varies counts something else than pictures"
+    if len(named) == 1:
+        return named[0], ""
+    if len(varying) == 1:
+        return varying[0], ""
+    if len(possible) == 1 and not varying and all(joined[k] for k in other):  # a single picture, or copies of one
+        return possible[0], ""
+    return None, f"{len(varying) or len(columns)} numbers in its name, and it does not say which counts"
+
+
+def _counts_of_something_else(joined: Sequence[str], words: Sequence[str]) -> set[int]:
+    """Places of numbers that count no pictures: the 2 of "cam2_000005", or that of "rally 2" before another number."""
+    last = len(words) - 1
+    return {
+        k
+        for k, (letters, word) in enumerate(zip(joined, words, strict=True))
+        if letters in NEVER_PICTURES or (last > 0 and letters in OTHER_WORDS) or (word in OTHER_WORDS and k < last)
+    }
 
 
 class _Part:

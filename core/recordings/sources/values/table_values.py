@@ -247,48 +247,73 @@ def _unit(seen: Survey, hint: str | None, unit_from: Whence, report: DecodeRepor
         elif hint is not None:
             _check_stated_unit(seen, hint, report, where)
         return unit
-    span = seen.span_t
-    epoch = next((unit for unit, low, high in _EPOCHS if low <= seen.low_t and seen.high_t < high), None)
-    if epoch is not None and not (epoch == "s" and seen.whole) and not (epoch == "ms" and _us_is_likelier(seen)):
-        unit, why = epoch, "they count from 1970"
-    elif seen.whole:
-        unit, why = "us", "they are whole numbers"
-        slow = span > _LONG_US and seen.rows < _SLOW_HZ * span / 1e6
-        if seen.thousands and slow and seen.rows > 20:
-            raise RecordingError(
-                "the unit of the times cannot be told: as microseconds the file would be implausibly long",
-                got=f"{seen.rows:,} events in {span / 1e6:,.0f} s, every time a multiple of 1000 as of nanoseconds",
-                where=where,
-                remedy="give --time-unit ns, or --time-unit us",
-            )
-        if slow:
-            why += f", though only {1e6 * seen.rows / span:.1f} events/s; nanoseconds would be --time-unit ns"
-        elif seen.thousands and seen.rows > 20 and seen.high_t > 0:
-            why += ", though all are multiples of 1000; nanoseconds would be --time-unit ns"
-        elif seen.rows > _MANY_ROWS and span < _SHORT_US:
-            why += f", though all lie within {span / 1e3:g} ms; milliseconds would be --time-unit ms"
-    else:
-        unit, why = "s", "they have fractions"
-        span_us = span * UNITS_US["s"]
-        slow = seen.thousandths or seen.rows < _SLOW_HZ * span
-        if epoch is None and span_us > _LONG_US and slow and seen.rows > 20:
-            raise RecordingError(
-                "the unit of the times cannot be told: as seconds the file would be implausibly long",
-                got=f"{seen.rows:,} events in {span:,.0f} s"
-                + (", every time a multiple of 0.001 as of milliseconds" if seen.thousandths else ""),
-                where=where,
-                remedy="give --time-unit ms, or --time-unit s",
-            )
-        if span * UNITS_US["s"] > MAX_TIME_US:
-            raise RecordingError(
-                "the unit of the times cannot be told: as seconds the file would last days",
-                got=f"times with fractions from {seen.low_t:g} to {seen.high_t:g}",
-                where=where,
-                remedy="give --time-unit ns, us or ms",
-            )
+    unit, why = _unit_by_values(seen, where)
     report.facts[TIME_UNIT] = Fact(UNIT_NAMES[unit], Whence.ASSUMED, why)
     report.assume(f"{where} does not name the unit of its times; {UNIT_NAMES[unit]} are assumed: {why}.")
     return unit
+
+
+def _unit_by_values(seen: Survey, where: str) -> tuple[str, str]:
+    """The unit that the times themselves are likely to have, and why."""
+    # Whole seconds since 1970 would leave one time for thousands of events; they are microseconds since the start.
+    epoch = next((unit for unit, low, high in _EPOCHS if low <= seen.low_t and seen.high_t < high), None)
+    if epoch is not None and not (epoch == "s" and seen.whole) and not (epoch == "ms" and _us_is_likelier(seen)):
+        return epoch, "they count from 1970"
+    if seen.whole:
+        return "us", _why_microseconds(seen, where)
+    _check_seconds(seen, where)
+    return "s", "they have fractions"
+
+
+def _why_microseconds(seen: Survey, where: str) -> str:
+    """Why whole numbers are microseconds, and what speaks against it.
+
+    Raises:
+        RecordingError: if too much does.
+    """
+    span = seen.span_t
+    slow = span > _LONG_US and seen.rows < _SLOW_HZ * span / 1e6
+    if seen.thousands and slow and seen.rows > 20:
+        raise RecordingError(
+            "the unit of the times cannot be told: as microseconds the file would be implausibly long",
+            got=f"{seen.rows:,} events in {span / 1e6:,.0f} s, every time a multiple of 1000 as of nanoseconds",
+            where=where,
+            remedy="give --time-unit ns, or --time-unit us",
+        )
+    why = "they are whole numbers"
+    if slow:
+        return why + f", though only {1e6 * seen.rows / span:.1f} events/s; nanoseconds would be --time-unit ns"
+    if seen.thousands and seen.rows > 20 and seen.high_t > 0:
+        return why + ", though all are multiples of 1000; nanoseconds would be --time-unit ns"
+    if seen.rows > _MANY_ROWS and span < _SHORT_US:
+        return why + f", though all lie within {span / 1e3:g} ms; milliseconds would be --time-unit ms"
+    return why
+
+
+def _check_seconds(seen: Survey, where: str) -> None:
+    """Hold times with fractions against a recording's length, were they seconds.
+
+    Raises:
+        RecordingError: if they are likelier milliseconds, or would last days.
+    """
+    span_us = seen.span_t * UNITS_US["s"]
+    slow = seen.thousandths or seen.rows < _SLOW_HZ * seen.span_t
+    # Milliseconds with fractions and no unit: TimoStoff/events_contrast_maximization#12.
+    if span_us > _LONG_US and slow and seen.rows > 20:
+        raise RecordingError(
+            "the unit of the times cannot be told: as seconds the file would be implausibly long",
+            got=f"{seen.rows:,} events in {seen.span_t:,.0f} s"
+            + (", every time a multiple of 0.001 as of milliseconds" if seen.thousandths else ""),
+            where=where,
+            remedy="give --time-unit ms, or --time-unit s",
+        )
+    if span_us > MAX_TIME_US:
+        raise RecordingError(
+            "the unit of the times cannot be told: as seconds the file would last days",
+            got=f"times with fractions from {seen.low_t:g} to {seen.high_t:g}",
+            where=where,
+            remedy="give --time-unit ns, us or ms",
+        )
 
 
 def _check_stated_unit(seen: Survey, unit: str, report: DecodeReport, where: str) -> None:
@@ -298,6 +323,7 @@ def _check_stated_unit(seen: Survey, unit: str, report: DecodeReport, where: str
         RecordingError: if the file would last days.
     """
     span_us = seen.span_t * UNITS_US[unit]
+    # An attribute "s" beside whole microseconds: tub-rip/events_h52bag#6.
     if span_us > MAX_TIME_US:
         raise RecordingError(
             f"the times cannot be {UNIT_NAMES[unit]}, which the file states",
@@ -322,36 +348,48 @@ def _us_is_likelier(seen: Survey) -> bool:
 
 def _polarity(seen: Survey, stated: Stated, report: DecodeReport, where: str) -> Mapping[str | float, bool]:
     values = seen.polarities
-    listed = ", ".join(_shown(value) for value in sorted(values, key=str)[:8]) + (", ..." if len(values) > 8 else "")
     if stated.polarity is not None:
-        on = {_key(word): value for word, value in stated.polarity.items()}
-        known = sum(count for value, count in values.items() if value in on)
-        found: Mapping[str | float, bool] | None = on
+        found: Mapping[str | float, bool] | None = {_key(word): value for word, value in stated.polarity.items()}
+        known = sum(count for value, count in values.items() if value in found)
     else:
         found, known = _known_pair(values)
+    # Few odd values are damage (SensorsINI/v2e#41); more of them are a code that nobody here knows (1 and 2 in
+    # tallamjr/evlib#57, 0 to 3 in better-flow/evimo#20).
     allowed = min(max(_FEW_ODD, _ODD_SHARE * seen.rows), known // 4)
     if found is None or seen.rows - known > allowed:
-        raise RecordingError(
-            "which polarity is ON cannot be told",
-            expected="0 and 1, -1 and 1, or true and false",
-            got=listed,
-            where=where,
-            remedy="give --polarity, such as --polarity 1=on,2=off",
-        )
+        raise _unknown_polarities(values, where)
     kept = {value: on for value, on in found.items() if value in values}
+    _report_polarity(kept, seen.rows, report, where, stated=stated.polarity is not None)
+    return found
+
+
+def _unknown_polarities(values: Mapping[str | float, int], where: str) -> RecordingError:
+    listed = ", ".join(_shown(value) for value in sorted(values, key=str)[:8]) + (", ..." if len(values) > 8 else "")
+    return RecordingError(
+        "which polarity is ON cannot be told",
+        expected="0 and 1, -1 and 1, or true and false",
+        got=listed,
+        where=where,
+        remedy="give --polarity, such as --polarity 1=on,2=off",
+    )
+
+
+def _report_polarity(
+    kept: Mapping[str | float, bool], rows: int, report: DecodeReport, where: str, *, stated: bool
+) -> None:
+    """Note what the values that occur mean, and what was assumed of them."""
     meanings = ", ".join(f"{_shown(value)} = {'ON' if on else 'OFF'}" for value, on in sorted(kept.items(), key=str))
     certain = all(isinstance(value, str) or value <= 1 for value in kept)
-    whence = Whence.OPTION if stated.polarity is not None else Whence.FILE if certain else Whence.ASSUMED
+    whence = Whence.OPTION if stated else Whence.FILE if certain else Whence.ASSUMED
     report.facts[POLARITY] = Fact(meanings or "no events", whence)
-    if stated.polarity is not None:
-        return found
-    if any(isinstance(value, float) and value > 1 for value in kept):
-        wrapped = any(isinstance(value, float) and value > 1 and not on for value, on in kept.items())
-        why = " (-1 in a column without a sign)" if wrapped else ""
+    if stated:
+        return
+    large = [on for value, on in kept.items() if isinstance(value, float) and value > 1]
+    if large:
+        why = "" if all(large) else " (-1 in a column without a sign)"
         report.assume(f"{where}: the polarities are read as {meanings}{why}.")
-    elif len(kept) == 1 and seen.rows > _FEW_ODD:
+    elif len(kept) == 1 and rows > _FEW_ODD:
         report.notes.append(f"{where}: all polarities are alike: {meanings}.")
-    return found
 
 
 def _known_pair(values: Mapping[str | float, int]) -> tuple[Mapping[str | float, bool] | None, int]:
