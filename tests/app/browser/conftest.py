@@ -22,7 +22,11 @@ def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.Tes
     report = yield
     if report.when == "call" and report.failed:
         for number, window in enumerate(WINDOWS):
-            report.sections.append((f"window {number}", window.describe()))
+            try:
+                told = window.describe()
+            except (Exception, pytest.fail.Exception) as error:  # the page hangs, and so does what asks it, until
+                told = f"it does not answer: {error}"  # pytest-timeout ends that: outside of a test that ends all tests
+            report.sections.append((f"window {number}", told))
     return report
 
 

@@ -114,6 +114,7 @@ def test_a_reload_keeps_what_was_looked_at_and_a_colleague_with_the_link_sees_it
         session.send(command)
     eventually(lambda: "zoom=4" in address(page) and "a.cluster.eps_px=5.0" in address(page), "the address to show it")
     kept = window.state
+    eventually(lambda: is_stored(lab, session), "the settings to be stored: nothing waits for that at a reload")
     session = reloaded(page, lab, session)
     again = session.state
     assert again.mode == "Tune" and again.playhead.position_us(time.monotonic()) == 150_000
@@ -123,12 +124,17 @@ def test_a_reload_keeps_what_was_looked_at_and_a_colleague_with_the_link_sees_it
     page.close()
 
 
+def is_stored(lab, session) -> bool:
+    """Whether the settings of the browser are on the disk."""
+    stored = lab.services.browsers.recall(session.page._visit.browser)
+    return stored is not None and stored.configs == session.state.configs
+
+
 def reloaded(page: Page, lab, before):
     """The session that comes after a reload, with its state."""
     known = set(lab.sessions)
     page.reload()
-    eventually(lambda: [one for one in lab.sessions if one not in known], "the page to connect again")
-    (session,) = [one for one in lab.sessions if one not in known]
+    (session,) = eventually(lambda: set(lab.sessions) - known, "the page to connect again")
     eventually(lambda: session.state is not None and session.state.mode == before.state.mode, "the state to be back")
     return session
 
@@ -141,8 +147,7 @@ def a_colleague_who_opens_the_link_sees_the_same(chromium: Browser, lab, mine: P
     other = open_page(chromium)  # another browser: no cookie of the first
     other.add_init_script(FEW_FRAMES)
     other.goto(address(mine))
-    eventually(lambda: set(lab.sessions) - known, "the colleague to connect")
-    (session,) = set(lab.sessions) - known
+    (session,) = eventually(lambda: set(lab.sessions) - known, "the colleague to connect")
     eventually(lambda: session.state is not None and session.state.mode == "Tune", "the link to be followed")
     assert session.state is not None and session.state.config.cluster.eps_px == 6.0
     assert session.state.playhead.position_us(time.monotonic()) == 120_000

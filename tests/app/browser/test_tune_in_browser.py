@@ -16,6 +16,7 @@ from tests.waiting import eventually
 
 YELLOW, GREEN = (255, 225, 60), (165, 225, 40)
 BALL_US = 300_000
+COLOUR = "mark => getComputedStyle(mark).backgroundColor"
 RADIUS_MAX = ("localise", "radius_max_px")
 
 
@@ -147,7 +148,7 @@ def a_rejected_ball_stays_in_view_in_red_and_its_verdict_leads_to_its_sliders(tu
     assert slider.bounding_box()["y"] > 720
     tune.page.get_by_role("link", name=re.compile(r"radius .* > 5")).first.click()
     eventually(lambda: 0 < slider.bounding_box()["y"] < 720, "the slider of the limit")
-    assert slider.evaluate("mark => getComputedStyle(mark).backgroundColor") == "rgb(255, 140, 40)"
+    eventually(lambda: slider.evaluate(COLOUR) == "rgb(255, 140, 40)", "its mark")
     tune.screenshot("tune-verdict")
 
 
@@ -438,8 +439,8 @@ def test_the_default_method_shows_its_stages_and_a_verdict_leads_to_its_slider(w
     for stage in ("search", "edge points", "fit", "track", "result"):
         before = window.session.sheet.pictures[0].png
         window.press(stage)
+        eventually(lambda stage=stage: window.state.tune.stage == stage, stage)
         eventually(lambda before=before: window.session.sheet.pictures[0].png != before, f"the picture of {stage}")
-        assert window.state.tune.stage == stage
     window.press("fit")
     window.fill(window.field("Zoom"), "8")
     window.page.get_by_role("img", name="residuals").first.wait_for()
@@ -453,4 +454,4 @@ def test_the_default_method_shows_its_stages_and_a_verdict_leads_to_its_slider(w
     verdict.click()
     slider = window.page.locator("#setting-refined-points-min")
     eventually(lambda: 0 < slider.bounding_box()["y"] < 720, "the slider of the limit")
-    assert slider.evaluate("mark => getComputedStyle(mark).backgroundColor") == "rgb(255, 140, 40)"
+    eventually(lambda: slider.evaluate(COLOUR) == "rgb(255, 140, 40)", "its mark")

@@ -77,8 +77,7 @@ class Window:
         page.goto(f"http://127.0.0.1:{lab.port}/?fixedDpr={dpr:g}")
         # The software renderer makes viser show a note over the upper left corner: let clicks through.
         page.add_style_tag(content="[class*=mantine-Notification] { pointer-events: none !important; }")
-        eventually(lambda: set(lab.sessions) - before, "the browser to connect")
-        (self.session,) = set(lab.sessions) - before
+        (self.session,) = eventually(lambda: set(lab.sessions) - before, "the browser to connect")
         eventually(lambda: self.session.state, "the recording to be open")
         if not in_space:
             self.session.send(ShowSpace(False))
