@@ -25,6 +25,7 @@ BENCHES = {
     "detection": "detection.bench_detection",
     "drawn-scenes": "detection.bench_drawn_scenes",
     "planet": "detection.bench_planet",
+    "slow-receptors": "detection.bench_slow_receptors",
     "simulation": "simulation.bench_simulation",
     "cameras": "perception.bench_cameras",
     "rig": "calibration.bench_rig",
@@ -58,7 +59,7 @@ class BenchArguments:
 
     name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
     count: PositiveInt | None = flag(
-        "balls of points alone (outcomes), flights (drawn-scenes), seeds (paper-perception, rig), "
+        "balls of points alone (outcomes), flights (drawn-scenes, slow-receptors), seeds (paper-perception, rig), "
         "seeds of everything that is compared (learning), serves of each scene and speed (cameras)",
         "N",
     )

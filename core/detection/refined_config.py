@@ -33,6 +33,10 @@ class RefinedConfig:
     """sharp: the ball has a rim, whose first and last events are fitted. soft: a glow, or a ball out of focus, whose
     light falls off over a good part of its radius: all events of the disc are fitted by place and polarity. What the
     limits of a fit then compare is in docs/how/detector.md."""
+    trailing: Literal["last", "first"] = field(default="last", metadata={"stage": "edge points"})
+    """Which event of a pixel marks the trailing edge. last: it marks the same small coverage of the pixel as the first
+    event on the leading edge. first: the first event of the trailing polarity, for a slow receptor (below about 500 Hz)
+    whose tail ends late, at a random time; then the edge latency is less, and with it `delay_us`."""
     motion_px: float = setting(3.5, 1.0, 12.0, step=0.5, stage="edge points")
     """History of a fit, in pixels of the ball's motion: enough for both edges to cross whole pixels."""
     history_min_us: int = setting(2000, 500, 20_000, step=100, stage="edge points")

@@ -89,6 +89,8 @@ class Reach(NamedTuple):
     motion_px: float
     history_min_ms: float
     history_max_ms: float
+    tail: bool = False
+    """See `LookBack.tail`."""
 
 
 def blank_work() -> Work:
@@ -107,7 +109,7 @@ def span_for(end_us: int, speed: float, reach: Reach) -> LookBack:
     history = min(max(reach.motion_px / speed, reach.history_min_ms), reach.history_max_ms)
     guard = min(max(0.8 / speed, 0.3), 4.0, 0.4 * history)
     before = min(max(1.5 / speed, 1.0), 5.0)
-    return LookBack(end_us, history + before, history, guard)
+    return LookBack(end_us, history + before, history, guard, reach.tail)
 
 
 @njit

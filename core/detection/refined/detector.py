@@ -119,7 +119,9 @@ class RefinedDetector:
     def __init__(self, config: RefinedConfig, sensor: SensorSize) -> None:
         self.config = config
         self.sensor = sensor
-        self._reach = Reach(config.motion_px, 1e-3 * config.history_min_us, 1e-3 * config.history_max_us)
+        tail = config.trailing == "first"
+        self._reach = Reach(config.motion_px, 1e-3 * config.history_min_us, 1e-3 * config.history_max_us, tail)
+        self._brief = BRIEF._replace(tail=tail)
         self._work = blank_work()
         self._blobs = blank_blobs()
         self._limits = fit_limits(config)
@@ -238,7 +240,7 @@ class RefinedDetector:
         for keeps in BOUNCE_RESTITUTION_GUESSES:
             vv = keeps * was.vv
             bounced = was._replace(vv=vv, au=0.0, av=0.0).at(unseen_ms)
-            if self._refit("bounce", track, bounced, AFTER_BOUNCE, end_us, BRIEF, BAND_PX):
+            if self._refit("bounce", track, bounced, AFTER_BOUNCE, end_us, self._brief, BAND_PX):
                 return
 
     def _refit(

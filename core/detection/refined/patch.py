@@ -25,6 +25,8 @@ class Patch(NamedTuple):
     first: NDArray[np.int32]
     """(SIDE + 2, SIDE + 2), with a border that stays empty."""
     last: NDArray[np.int32]
+    turned: NDArray[np.int32]
+    """The first event of the other polarity than the pixel's first one."""
     events: NDArray[np.int32]
     """Number of events of each pixel."""
     brighter: NDArray[np.bool_]
@@ -63,14 +65,16 @@ class LookBack(NamedTuple):
     """A leading edge point is a pixel whose first event is at most as old."""
     guard_ms: float
     """A trailing edge point is one whose last event is at least as old."""
+    tail: bool = False
+    """Trailing edge points are first events of the trailing polarity instead: for a receptor with a long tail."""
 
 
 def blank_patch() -> Patch:
     """An empty patch."""
     side = SIDE + 2
-    first, last, events = np.zeros((3, side, side), np.int32)
+    first, last, turned, events = np.zeros((4, side, side), np.int32)
     brighter, interior = np.zeros((side, side), np.bool_), np.zeros(side * side, np.bool_)
-    return Patch(first, last, events, brighter, np.zeros(side * side, np.int32), interior)
+    return Patch(first, last, turned, events, brighter, np.zeros(side * side, np.int32), interior)
 
 
 @njit
@@ -96,10 +100,13 @@ def fill_patch(recent: Recent, patch: Patch, u: float, v: float, reach_px: int, 
             first[row, column] = age
             patch.brighter[row, column] = recent.on[k]
             patch.events[row, column] = 0
+            patch.turned[row, column] = 0
             touched[count] = row * (SIDE + 2) + column
             count += 1
         last[row, column] = age
         patch.events[row, column] += 1
+        if span.tail and patch.turned[row, column] == 0 and recent.on[k] != patch.brighter[row, column]:
+            patch.turned[row, column] = age
     return count, x0, y0
 
 
@@ -125,10 +132,12 @@ def edge_points(
     """Edge points within `band_px` of the ball's rim, and how many events lie well inside it.
 
     A pixel with fewer than two touched neighbours is noise. First events count on the leading half, last
-    ones on the trailing half.
+    ones on the trailing half. With `span.tail` those are the first ones of the trailing polarity: the last ones of a
+    slow receptor come when what is left of its tail happens to be less than a threshold, time constants later.
     """
     first, last = patch.first, patch.last
     found, inside = 0, 0
+    lead_on = span.tail and _brighter_ahead(patch, count, origin, ball, band_px, span)
     inner = 0.6 * ball.r
     for k in range(count):
         row, column = divmod(patch.touched[k], SIDE + 2)
@@ -151,7 +160,12 @@ def edge_points(
             if distance < inner:
                 inside += int(patch.events[row, column])
                 patch.interior[k] = True
-        if left <= -span.guard_ms and left >= -span.history_ms:
+        trails = left <= -span.guard_ms and left >= -span.history_ms
+        if span.tail:
+            age = patch.turned[row, column] if patch.brighter[row, column] == lead_on else first[row, column]
+            left = -0.001 * (age - 1)
+            trails = age > 0 and left >= -span.history_ms
+        if trails:
             ms = left - ball.stretch
             du = x - ball.u - (ball.vu + 0.5 * ball.au * ms) * ms
             dv = y - ball.v - (ball.vv + 0.5 * ball.av * ms) * ms
@@ -162,6 +176,23 @@ def edge_points(
                 points.lead[found] = 0.0
                 found += 1
     return found, inside
+
+
+@njit
+def _brighter_ahead(patch, count, origin, ball, band_px, span):
+    """Whether more pixels of the leading edge became brighter than darker."""
+    surplus = 0
+    for k in range(count):
+        row, column = divmod(patch.touched[k], SIDE + 2)
+        ms = -0.001 * (patch.first[row, column] - 1)
+        if ms < -span.history_ms:
+            continue
+        ms += ball.stretch
+        du = column + origin[0] - ball.u - (ball.vu + 0.5 * ball.au * ms) * ms
+        dv = row + origin[1] - ball.v - (ball.vv + 0.5 * ball.av * ms) * ms
+        if du * ball.vu + dv * ball.vv >= 0.0 and abs(math.sqrt(du * du + dv * dv) - ball.r) <= band_px:
+            surplus += 1 if patch.brighter[row, column] else -1
+    return surplus >= 0
 
 
 @njit

@@ -56,6 +56,14 @@ def test_the_default_finds_the_rotating_dot_with_its_own_settings(dot) -> None:
     assert np.polyfit(answers.t_us[found] * 1e-6, angle, 1)[0] == pytest.approx(121.8, abs=0.5)
 
 
+def test_the_example_config_confirms_the_rotating_dot_at_once(dot) -> None:
+    config = load_config(DetectorConfig, ROOT / "docs" / "examples" / "rotating-dot.toml")
+    answers = run_detector(dot, make_detector("refined", dot.sensor, config), 1000)
+    found = answers.detected
+    assert found.sum() >= 45, "of 51 windows"
+    assert np.hypot(answers.u_px[found] - 314.3, answers.v_px[found] - 202.4).std() < 0.5
+
+
 def test_auto_finds_out_that_the_dot_is_dark(dot) -> None:
     config = load_config(DetectorConfig, ROOT / "docs" / "examples" / "rotating-dot.toml")
     detector = FastDetector(config)

@@ -44,6 +44,19 @@ def test_on_the_leading_edge_the_first_event_counts_and_on_the_trailing_one_the_
     assert all(events == 2 for *_, events, _ in points) and len(points) == 6
 
 
+def test_of_a_tail_the_first_event_of_the_trailing_polarity_counts() -> None:
+    span = SPAN._replace(tail=True)
+    ahead = column_at(END_US - 1000, 106, True)
+    tail = column_at(END_US - 2000, 88, False) + column_at(END_US - 200, 88, False)
+    passed = column_at(END_US - 3500, 90, True) + column_at(END_US - 1000, 90, False)
+    points, _ = found(recent(*ahead, *tail, *passed), span=span)
+    assert {(u, ms, lead) for u, _, ms, _, lead in points} == {(106.0, -1.0, 1.0), (88.0, -2.0, 0.0), (90.0, -1.0, 0.0)}
+    dark = [(t, x, y, not on) for t, x, y, on in (*ahead, *tail, *passed)]
+    assert [point[:3] for point in found(recent(*dark), span=span)[0]] == [point[:3] for point in points]
+    old = column_at(END_US - 3500, 88, False) + column_at(END_US - 1000, 88, False)
+    assert {u for u, *_ in found(recent(*ahead, *old), span=span)[0]} == {106.0}, "it had begun before the history"
+
+
 def test_a_stretched_balls_edges_are_looked_for_ahead_and_behind() -> None:
     stretched = BALL._replace(r=6.0, stretch=1.0)  # the rims at -1 ms: 104 + 2 ahead, 92 - 2 behind
     ahead, behind = column_at(END_US - 1000, 106, True), column_at(END_US - 1000, 90, False)
