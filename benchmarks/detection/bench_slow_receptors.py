@@ -66,7 +66,7 @@ class SlowFlight:
     def inside(self) -> NDArray[np.bool_]:
         """(N,) whether the whole ball is in view."""
         most = np.array([SENSOR.width_px - 1.0, SENSOR.height_px - 1.0]) - self.r_px
-        return ((self.path_px > self.r_px) & (self.path_px < most)).all(axis=1)
+        return np.all((self.path_px > self.r_px) & (self.path_px < most), axis=1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
