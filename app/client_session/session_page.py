@@ -207,9 +207,12 @@ class SessionPage:
             keep(self._visit.browser, remembered)
 
     def _hear(self, message: Message) -> None:
-        listener = self._listeners.get(str(message["type"]))
-        if listener is not None:
-            self._session.later(lambda: listener(message))
+        self._session.later(lambda: self._deliver(message))
+
+    def _deliver(self, message: Message) -> None:
+        # Looked up only now: a page's first messages come while its session is still being made, and adds listeners.
+        if (listener := self._listeners.get(str(message["type"]))) is not None:
+            listener(message)
 
     def _go_to_link(self, message: Message) -> None:
         """Back or Forward: to the mode of a link, and to its recording where another is open. Settings stay."""

@@ -76,10 +76,10 @@ def the_table_is_there_and_balls_come_back(live_window, live_lab) -> None:
 def a_page_that_the_processor_draws_is_spared_while_the_rally_runs(live_window) -> None:
     live_window.page.wait_for_function("rallyscope.rallyRuns")
     eventually(lambda: live_window.session.is_throttled, "the page to have told who draws it")
-    live_window.press("Pause")
+    live_window.press_play()
     live_window.page.wait_for_function("!rallyscope.rallyRuns")
     assert not live_window.session.is_throttled
-    live_window.press("Play")
+    live_window.press_play()
     live_window.page.wait_for_function("rallyscope.rallyRuns")
 
 
@@ -194,12 +194,12 @@ def the_clock_stops_for_everybody_and_the_picture_with_it(live_window, live_lab)
 
 def a_person_may_look_back_while_the_rally_goes_on(live_window, live_lab) -> None:
     rally = rally_of(live_lab)
-    live_window.press("Pause")
+    live_window.press_play()
     eventually(lambda: not live_window.state.playhead.playing, "the cursor to stand")
     here_us = live_window.state.playhead.anchor_us
     eventually(lambda: rally.recording.duration_us > here_us + 300_000, "the rally to go on")
     assert live_window.state.playhead.position_us(0.0) == here_us
-    live_window.press("Play")
+    live_window.press_play()
     eventually(lambda: live_window.state.playhead.following, "the cursor to be live again")
 
 
@@ -275,7 +275,7 @@ def test_labels_of_the_live_rally_belong_to_a_recording_that_it_is_frozen_into(l
     eventually(lambda: said.count() == 2, "it to be said in the panel and under the picture")
     assert not live_window.page.get_by_text("times checked").count()  # there is no end of a live rally
     live_window.screenshot("live-label")
-    live_window.press("Pause")
+    live_window.press_play()
     eventually(live_window.stands_in_label, "the cursor to stand")
     shown = mode._pictures.shown.plan.main
     live = rally_of(live_lab).recording.cameras[mode._editor.labelling.view.camera].slice(*shown.window_us)

@@ -75,7 +75,7 @@ def shows(mode: TrainMode, name: str) -> bool:
 @pytest.mark.gate
 def test_train_now_learns_to_place_balls_before_ones_eyes(window, trainer: Trainer) -> None:
     mode = enter(window)
-    window.page.get_by_text("Nothing trained yet").wait_for()
+    eventually(window.page.get_by_text("Nothing trained yet").is_visible, "the invitation")
     window.press("Train now")
     eventually(lambda: mode.replay is not None, "the first ball to fly")
     assert newest(trainer).episodes_per_s == 2.5

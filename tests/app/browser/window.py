@@ -137,6 +137,11 @@ class Window:
         self.page.get_by_role("button", name=name, exact=True).first.click()
         wait_until_sent(self.page)
 
+    def press_play(self) -> None:
+        """Click Play, or Pause, of the time bar: the simulation of a live rally has a Pause of its own."""
+        self.page.locator("[data-do=play]").click()
+        wait_until_sent(self.page)
+
     def wait_until_at_rest(self, there: Locator) -> None:
         """Return once two frames have something at one place: notes slide in, forms unfold."""
         boxes: list[object] = []

@@ -26,5 +26,5 @@ def test_it_waits_for_the_next_block() -> None:
 
 def test_of_a_clock_that_stands_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live_copy, "NEXT_BLOCK_S", 0.05)
-    with pytest.raises(RecordingError, match="let the clock run"):
+    with pytest.raises(RecordingError, match="press Run"):
         live_copy._end_us(SimpleNamespace(duration_us=500_000), 500_000, lambda: False)  # type: ignore[arg-type]
