@@ -31,7 +31,10 @@ CASE_NAMES: Final[dict[Case, str]] = {
 TARGET_RGB: Final = (255, 255, 255)
 SPOTS: Final = 500
 """Most landing points shown; the newest are kept."""
-SPOT_RADIUS_M: Final = 0.01
+SPOT_RADIUS_M: Final = 0.02
+"""That of the ball: a smaller disc is less than a pixel high in the usual view."""
+SPOT_SHADE: Final = 0.4
+"""The lamps stand over the table: on a surface that faces them all, colours would be nearly white."""
 SPOT_CORNERS: Final = 12
 SPOT_ABOVE_M: Final = 0.003
 """Height of the spots over the table, above its lines; the target lies above the spots."""
@@ -56,6 +59,7 @@ class LandingActors:
             batched_colors=np.zeros((SPOTS, 3), np.uint8),
             lod="off",
             side="double",
+            material="toon3",  # without gloss
             cast_shadow=False,
             receive_shadow=False,
             visible=False,
@@ -78,7 +82,7 @@ class LandingActors:
             positions, scales = np.zeros((SPOTS, 3), np.float32), np.zeros(SPOTS, np.float32)
             colours = np.zeros((SPOTS, 3), np.uint8)
             positions[: len(near)] = [(spot.x_m, spot.y_m, SPOT_ABOVE_M) for spot in near]
-            colours[: len(near)] = [CASE_RGB[spot.case] for spot in near]
+            colours[: len(near)] = SPOT_SHADE * np.array([CASE_RGB[spot.case] for spot in near])
             scales[: len(near)] = 1.0  # the others have no size: the handle always has as many, and is reused
             self._spots.batched_positions, self._spots.batched_colors = positions, colours
             self._spots.batched_scales = scales
@@ -126,6 +130,7 @@ class UncertaintyActor:
             color=TUBE_RGB,
             opacity=0.30,
             side="double",
+            material="toon3",  # without gloss
             visible=False,
             cast_shadow=False,
             receive_shadow=False,

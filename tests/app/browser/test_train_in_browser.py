@@ -88,7 +88,7 @@ def test_train_now_learns_to_place_balls_before_ones_eyes(window, trainer: Train
     def is_drawn(canvas: np.ndarray) -> bool:
         """The table with its landing spots, and the curves."""
         scene, curves = canvas[:, LEFT_PX:], canvas[:, :LEFT_PX]
-        on_table = count_like(scene, GREEN) > 200 and count_like(scene, BLUE_TABLE, 40) > 5000
+        on_table = count_like(scene, GREEN, 80) > 200 and count_like(scene, BLUE_TABLE, 40) > 5000
         return on_table and count_like(curves, ORANGE) > 100
 
     window.wait_for_pixels("train", is_drawn)
