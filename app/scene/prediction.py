@@ -130,7 +130,6 @@ class UncertaintyActor:
             color=TUBE_RGB,
             opacity=0.30,
             side="double",
-            material="toon3",  # without gloss
             visible=False,
             cast_shadow=False,
             receive_shadow=False,
