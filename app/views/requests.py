@@ -15,7 +15,7 @@ from app.state.swept_cells import SweptCells, TableClicks
 from app.views.answer_cache import AnswerCache
 from app.views.ball_inset import draw_ball_inset
 from app.views.mosaic import Mosaic, columns_of, lay_out
-from app.views.stage_picture import draw_detection, draw_stage, draw_truth, miss_px
+from app.views.stage_picture import ball_ink, draw_detection, draw_stage, draw_truth, miss_px
 from core.cameras import Camera
 from core.cameras.calibration.coverage import cell_box, cells_of
 from core.cameras.calibration.table_corners import CORNERS
@@ -153,7 +153,7 @@ def render_watch(request: WatchRequest) -> Mosaic:
             draw_truth(canvas, stream.truth, answer.valid_us)
         if detection is not None:
             wrong = request.show_truth and is_wrong(miss_px(detection, stream.truth))
-            ink = PaletteIndex.HULL_REJECTED if wrong else PaletteIndex.CIRCLE
+            ink = ball_ink(wrong=wrong)
             draw_detection(canvas, detection, window.end_us, ink)
             if look.magnifies_ball and not (request.table.active or request.swept.active):
                 truth = stream.truth if request.show_truth else None
@@ -209,7 +209,7 @@ def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[WindowAnswer, ...]]
             draw_truth(canvas, request.stream.truth, answer.valid_us)
         if view.zoom <= 1.0 and request.look.magnifies_ball and answer.detection is not None:
             truth = request.stream.truth if view.show_truth else None
-            ink = PaletteIndex.HULL_REJECTED if wrong else PaletteIndex.CIRCLE
+            ink = ball_ink(wrong=wrong)
             _draw_inset(canvas, answer.window, answer, truth, request.look, ink)
         canvas.caption(f"{request.stream.name}, {view.method}, config {name}: {_when(answer)}")
         canvases.append(canvas)

@@ -63,7 +63,7 @@ def draw_stage(
     for ink in np.unique(view.dot_kinds).tolist():
         canvas.draw_dots(view.dots_px[view.dot_kinds == ink], KIND_INK[ink], half_px=DOT_PX)
     if trace.detection is not None and view.shows_ball:
-        ink = PaletteIndex.HULL_REJECTED if wrong else PaletteIndex.CIRCLE
+        ink = ball_ink(wrong=wrong)
         draw_detection(canvas, trace.detection, window.end_us, ink)
         draw_velocity(canvas, trace.detection, ink)
     for shape in view.shapes:
@@ -96,6 +96,11 @@ def draw_answer(canvas: Canvas, answer: WindowAnswer, rendering: Rendering, ink:
         return
     draw_detection(canvas, ball, answer.window.end_us, ink)
     draw_velocity(canvas, ball, ink)
+
+
+def ball_ink(*, wrong: bool) -> PaletteIndex:
+    """Colour of a found ball's circle: red where it is `wrong`."""
+    return PaletteIndex.HULL_REJECTED if wrong else PaletteIndex.CIRCLE
 
 
 def draw_detection(canvas: Canvas, detection: Detection, end_us: int, ink: int = PaletteIndex.CIRCLE) -> None:
