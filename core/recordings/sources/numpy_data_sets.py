@@ -19,14 +19,13 @@ from numpy.typing import NDArray
 from core.errors import RecordingError
 from core.events import SensorSize
 from core.recordings.sources.making import make_table_source
-from core.recordings.sources.numpy_files import in_parts
+from core.recordings.sources.numpy_files import BROKEN, in_parts
 from core.recordings.sources.source import EventSource, RawColumns, Whence
 
 _N_IMAGENET_SENSOR: Final = SensorSize(640, 480)
 _PARTS: Final = ("dataset_events_t.npy", "dataset_events_xy.npy", "dataset_events_p.npy")
 _PICTURES: Final = ("dataset_depth.npz", "dataset_mask.npz", "dataset_classical.npz")
 _EVIMO_MEMBERS: Final = ("depth", "mask", "classical")
-_BROKEN: Final = (OSError, ValueError, EOFError, zipfile.BadZipFile, KeyError, NotImplementedError)
 _FLIPPED: Final = "EVIMO2's Samsung camera counts ON and OFF the other way round than Prophesee's; kept as they are"
 
 
@@ -39,7 +38,7 @@ def open_numpy_data_set(path: Path, sensor: SensorSize | None) -> list[EventSour
     try:
         with zipfile.ZipFile(path) as archive:
             members = archive.namelist()
-    except _BROKEN:
+    except BROKEN:
         return None
     if members and not any(name.endswith((".npy", ".pkl")) for name in members):
         files = [name for name in members if not name.endswith("/") and not name.startswith("__MACOSX")]
@@ -53,7 +52,7 @@ def open_numpy_data_set(path: Path, sensor: SensorSize | None) -> list[EventSour
             return [_open_n_imagenet(path, sensor)]
         if "events" in names and names & set(_EVIMO_MEMBERS):
             return [_open_evimo(path, sensor)]
-    except _BROKEN as error:
+    except BROKEN as error:
         raise RecordingError("the NumPy file cannot be read", got=error, where=path) from error
     return None
 
@@ -85,7 +84,7 @@ def open_evimo_folder(path: Path, sensor: SensorSize | None) -> list[EventSource
         if len(set(lengths.values())) != 1 or xy.ndim != 2 or xy.shape[1] != 2:
             raise RecordingError("event columns differ in shape", expected="equal lengths", got=lengths, where=path)
         size = sensor or _size_in(path)
-    except _BROKEN as error:
+    except BROKEN as error:
         raise RecordingError("the NumPy files cannot be read", got=error, where=path) from error
     columns = t.reshape(-1), xy[:, 0], xy[:, 1], p.reshape(-1)
     remark = f"{path.name}: {_FLIPPED}." if any("samsung" in part.lower() for part in path.parts) else None

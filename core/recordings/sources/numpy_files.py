@@ -25,7 +25,8 @@ from core.recordings.sources.values.table_order import guess_columns
 from core.recordings.sources.values.table_values import UNITS_US
 
 _ROWS: Final = 1 << 18
-_BROKEN: Final = (OSError, ValueError, EOFError, zipfile.BadZipFile, KeyError, NotImplementedError, MemoryError)
+BROKEN: Final = (OSError, ValueError, EOFError, zipfile.BadZipFile, KeyError, NotImplementedError)
+"""What numpy and zipfile raise of a damaged file."""
 _MEMORY_SHARE: Final = 0.5
 """An archive may unpack to this share of the machine's memory: a small one can hold a thousand times its size."""
 
@@ -48,7 +49,7 @@ def open_numpy(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     try:
         _check_unpacked_size(path)
         rows, unit, stated, assumed = _load(path)
-    except _BROKEN as error:
+    except (*BROKEN, MemoryError) as error:  # a header may claim any size
         raise RecordingError("the NumPy file cannot be read", got=error, where=path) from error
     return [
         make_table_source(
