@@ -204,7 +204,7 @@ class App:
             started_s = time.monotonic()
             due_s = max(due_s, started_s - TICK_S) + TICK_S  # catch up one late tick, not more
             sessions = self.sessions
-            self.services.rallies.set_active(bool(sessions), started_s)
+            self.services.rallies.set_active(any(session.watches_live for session in sessions), started_s)
             self._loaded.tick(started_s, busy=bool(sessions))
             if sessions and started_s - rescanned_s > RESCAN_EVERY_S:
                 rescanned_s = started_s
