@@ -104,7 +104,7 @@ def run(arguments: BenchArguments) -> None:
     module = BENCHES[arguments.name]
     if arguments.recorded is not None:
         module = OWN_RECORDINGS.get(arguments.name, module)
-    measure: Callable[..., dict[str, object]] = load_bench(module).run
+    measure: Callable[..., dict[str, object]] = load_from_checkout(module).run
     options: dict[str, object] = given({name: getattr(arguments, name) for name in OPTIONS})
     taken = inspect.signature(measure).parameters.keys()
     asked = given({"jobs": arguments.engine.jobs, "cluster": arguments.engine.cluster})
@@ -139,7 +139,7 @@ class _RowPrinter:
         self._progress.say(format_row(row))
 
 
-def load_bench(module: str) -> ModuleType:
+def load_from_checkout(module: str) -> ModuleType:
     """A module of the folder benchmarks/ beside the packages; it is part of a checkout, not of an installation.
 
     Raises:
@@ -147,9 +147,9 @@ def load_bench(module: str) -> ModuleType:
     """
     if not (CHECKOUT / "benchmarks" / "__init__.py").is_file():
         raise CommandError(
-            "the benchmarks are not installed with the package",
+            "benchmarks, and the training of detectors, are not installed with the package",
             expected=f"the folder benchmarks/ of a checkout of the source in {CHECKOUT}",
-            remedy="clone the repository, `pip install -e '.[bench]'` there, and run `rallyscope bench` from it",
+            remedy="clone the repository, `pip install -e '.[bench]'` there, and run the command from it",
         )
     if str(CHECKOUT) not in sys.path:  # an editable installation finds the packages alone
         sys.path.append(str(CHECKOUT))

@@ -24,7 +24,7 @@ from core.detection.yolo.letterbox import shrink
 from core.errors import ConfigError, RecordingError
 from core.files import read_json, replacing, write_json
 from core.geometry import look_at
-from core.learning.detector_training.config import DetectorTrainingConfig
+from core.detection.yolo.config import DetectorTrainingConfig
 from core.physics.config import PhysicsConfig
 from core.recordings import open_recording
 from core.recordings.reader import FileRecording

@@ -25,9 +25,9 @@ from core.detection.yolo.weights import SharpScore, YoloWeights, save_weights
 from core.errors import CommandError
 from core.events import CameraFrame
 from core.files import beside, hold
-from core.learning.detector_training.config import DetectorTrainingConfig
-from core.learning.detector_training.pool import TrainingPictures, data_set_pool, rendered_pool
-from core.learning.detector_training.training import load_state, new_state, run_steps
+from core.detection.yolo.config import DetectorTrainingConfig
+from benchmarks.detector_training.pool import TrainingPictures, data_set_pool, rendered_pool
+from benchmarks.detector_training.training import load_state, new_state, run_steps
 from core.metrics.grid_score import wholly_in_view
 from core.metrics.score import MATCH_RADIUS_PX
 from core.physics.config import PhysicsConfig

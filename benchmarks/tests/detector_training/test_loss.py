@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from core.detection.yolo.boxes import ANCHORS_PX, FIELDS
-from core.learning.detector_training.training import ciou, yolo_loss
+from benchmarks.detector_training.training import ciou, yolo_loss
 
 pytestmark = pytest.mark.numeric
 SURE = 9.0

@@ -29,9 +29,9 @@ from core.detection.yolo.detector import WHITE
 from core.detection.yolo.network import YoloTiny
 from core.errors import ConfigError
 from core.files import replace_file
-from core.learning.detector_training.config import DetectorTrainingConfig
-from core.learning.detector_training.crops import CropBatch, draw_batch
-from core.learning.detector_training.pool import TrainingPictures
+from core.detection.yolo.config import DetectorTrainingConfig
+from benchmarks.detector_training.crops import CropBatch, draw_batch
+from benchmarks.detector_training.pool import TrainingPictures
 from core.text import parse_json
 
 BOX_WEIGHT: Final = 3.0

@@ -6,9 +6,9 @@ import pytest
 from core.detection.yolo.config import YoloConfig
 from core.errors import ConfigError, RecordingError
 from core.events import Events, SensorSize
-from core.learning.detector_training import pool as pools
-from core.learning.detector_training.config import DetectorTrainingConfig
-from core.learning.detector_training.pool import (
+from benchmarks.detector_training import pool as pools
+from core.detection.yolo.config import DetectorTrainingConfig
+from benchmarks.detector_training.pool import (
     LabelledPictures,
     data_set_pool,
     draw_camera,
