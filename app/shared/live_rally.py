@@ -19,6 +19,7 @@ from core.chain.calibration_drift import CalibrationDrift, DriftReport
 from core.chain.config import PredictionName, with_prediction
 from core.chain.control.decision import RacketDecision
 from core.chain.control.player import PlayerState
+from core.chain.physics import chain_with_constants
 from core.errors import CommandError, LinkError, RecordingError
 from core.history.played_bodies import PlayedBodies
 from core.history.rally_history import Outcome, RallyHistory
@@ -33,6 +34,7 @@ from core.live.live_player import LivePlayer
 from core.live.live_snapshot import RallySnapshot
 from core.live.ring_recording import LiveConfig, RingRecording
 from core.live.stream_watch import StreamWatch
+from core.physics.constants_file import FittedConstants
 from core.physics.episode import Case
 from core.robot import RobotClient, SourceWithRobot
 from core.robot.robot_step_test import RobotStepTest
@@ -254,6 +256,11 @@ class LiveRally:
             remedy = "let another controller play first"
             raise CommandError("this policy needs the ball's spin, which the paper's fit does not give", remedy=remedy)
         self.player.configure(replace(config, chain=chain))
+
+    def begin_with(self, constants: FittedConstants) -> None:
+        """Predict with fitted constants of air and table from the next block on; balls go on making them surer."""
+        config = self.player.config
+        self.player.configure(replace(config, chain=chain_with_constants(config.chain, constants)))
 
     def change_scene(self, scene: str) -> None:
         """Have the simulation show another scene, and wait for it.

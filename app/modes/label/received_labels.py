@@ -100,10 +100,7 @@ def _parts_of(member: zipfile.ZipInfo) -> tuple[str, ...]:
     """Folders and name of a file in a ZIP; none of them leads anywhere else."""
     parts = tuple(member.filename.replace("\\", "/").split("/"))
     plain = all(
-        0 < len(part) <= LONGEST_NAME
-        and part not in (".", "..")
-        and part.isprintable()
-        and not set(part) & set(':*?"<>|')
+        0 < len(part) <= LONGEST_NAME and part not in (".", "..") and part.isprintable() and not UNFIT & set(part)
         for part in parts
     )
     if not plain or len(parts) > DEEPEST:
