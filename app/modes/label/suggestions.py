@@ -20,6 +20,7 @@ from app.modes.label.labelling import CameraWork, Labelling
 from app.modes.label.sightings import FROM_OTHERS, draft_at
 from app.modes.label.sources import LabelSource
 from core.detection.saved import SavedDetector
+from core.metrics.at_times import LEAD_IN_US
 from core.recordings import CameraStream
 from labels.assist import (
     Proposals,
@@ -38,7 +39,6 @@ from labels.assist.review import QueueItem
 from labels.assist.stereo import median_residual_px
 from labels.assist.whole_flight import Doubt
 from labels.model import Label
-from labels.score import LEAD_IN_US
 from labels.store import LabelStore
 
 SEGMENT_US: Final = 2_000_000
