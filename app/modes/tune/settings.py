@@ -63,7 +63,6 @@ class SettingsPanel:
         self.folder = gui.add_folder("Detector")
         with self.folder:
             self._method = gui.add_dropdown("Method", tuple(METHODS), hint="The detector that is tuned")
-            self._what = gui.add_html("")
             edit = gui.add_button_group(
                 "Edit",
                 ("Undo", "Redo", "Reset", "Copy"),
@@ -136,7 +135,7 @@ class SettingsPanel:
 
     def _offer(self, method: Method) -> None:
         """Show the fields of the config that this method uses."""
-        self._what.content = stage_counts_html(METHODS[method])
+        self._method.hint = f"{method}: {METHODS[method]}"  # no line of its own: the sliders are to be in reach
         taken = {parameter.spec.path for parameter in tunable_parameters(method, DetectorConfig())}
         of_group = {setting_group(spec.path[0], spec.stage): [] for spec in field_specs(DetectorConfig)}
         for spec in field_specs(DetectorConfig):
