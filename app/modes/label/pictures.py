@@ -231,7 +231,7 @@ class LabelPictures:
         now, centre = scene.now, self._centre
         assert centre is not None
         planned = (now.t_us, centre, now.view, now.works, now.compared, now.asking, now.breaks_us, now.step_us)
-        planned = (*planned, scene.rendering, scene.colours, scene.ring, words)
+        planned = (*planned, scene.rendering, scene.colours, scene.ring, scene.aspect, words)
         if planned == self._planned:  # nothing has changed since the last turn: no ray has to be drawn again
             return
         self._planned = planned
