@@ -68,7 +68,7 @@ def _unpack(archive: Path, folder: Path) -> None:
         with zipfile.ZipFile(archive) as opened:
             _unpack_members(opened, folder)
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, ValueError) as error:
-        raise LabelError("not a ZIP file that can be read", got=error, where=archive.name) from error
+        raise LabelError("not a ZIP file that can be read", got=str(error).removeprefix("File is ")) from error
 
 
 def _unpack_members(archive: zipfile.ZipFile, folder: Path) -> None:
