@@ -31,7 +31,7 @@ from core.cameras.plausible import check_lenses
 from core.errors import CalibrationError, EventsError, RecordingError
 from core.events import SensorSize
 from core.geometry import invert_transform
-from core.recordings.hdf5 import dataset_at, group_at
+from core.recordings.hdf5 import dataset_at, group_at, read_whole
 from core.recordings.sources.hdf5_reading import read_in_parts
 from core.recordings.sources.making import make_table_source
 from core.recordings.sources.source import DecodeReport, EventSource, RawColumns, Whence
@@ -51,7 +51,16 @@ LARGEST_BYTES: Final = 1 << 28
 _LABEL_COLUMNS: Final = tuple(f"{kind}_{axis}_label" for kind in ("pos", "vel") for axis in "xyz")
 Move = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Positions (N, 3) of one frame in the world of the recording."""
-_BROKEN_REFERENCE: Final = (OSError, KeyError, ValueError, TypeError, IndexError, RuntimeError, csv.Error)
+_BROKEN_REFERENCE: Final = (
+    OSError,
+    KeyError,
+    ValueError,
+    TypeError,
+    IndexError,
+    RuntimeError,
+    csv.Error,
+    RecordingError,
+)
 
 
 def read_reference(
@@ -134,7 +143,7 @@ def _label_points(events: Path) -> NDArray[np.float64]:
     if not path.is_file():
         raise ValueError(f"{path.name}, which tells its frame, is not beside the events")
     with h5py.File(path, "r") as file:
-        points = np.asarray(file["points"], np.float64)
+        points = np.asarray(read_whole(dataset_at(file, "points")), np.float64)
     if points.ndim != 2 or points.shape[1] != 2:
         raise ValueError(f"points of shape {points.shape} in {path.name}")
     return points
