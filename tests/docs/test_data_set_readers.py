@@ -1,4 +1,4 @@
-"""HDF5 files of data sets and simulators, made here after their descriptions."""
+"""The example plugins that read N-MNIST, N-ImageNet, EVIMO and M3ED; files are made after their descriptions."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ import pytest
 
 from core.errors import RecordingError
 from core.events import SensorSize, concatenate_events
-from core.recordings import import_recording, open_recording
+from core.recordings import ImportOrder, import_recording, open_recording
 from core.recordings.sources import open_sources
 from core.recordings.sources.source import DecodeReport
 
+pytestmark = pytest.mark.usefixtures("data_set_readers")
 T = np.array([5, 5, 9, 1_500_000])
 X = np.array([0, 319, 3, 100])
 Y = np.array([239, 0, 7, 50])
@@ -23,41 +24,91 @@ def read_all(source):
     return concatenate_events(list(source.read(report)), source.sensor), report
 
 
-def write_v2e(path, polarity, frames=None):
-    with h5py.File(path, "w") as file:
-        rows = np.stack([T, X, Y, polarity], axis=1).astype("u4")
-        file.create_dataset("events", data=rows, maxshape=(None, 4), compression="gzip")
-        if frames is not None:
-            file["frame"] = frames
-
-
-@pytest.mark.parametrize("off", [0, 2**32 - 1])
-def test_a_v2e_file_gives_its_events_with_either_spelling_of_off(tmp_path, off):
-    path = tmp_path / "v2e.h5"
-    write_v2e(path, np.where(P == 1, 1, off))
-    (source,) = open_sources(path, SensorSize(320, 240))
+def read_the_four_events(path, sensor=None):
+    (source,) = open_sources(path, sensor)
     events, report = read_all(source)
     assert events.t_us.tolist() == T.tolist()
     assert events.x_px.tolist() == X.tolist()
     assert events.y_px.tolist() == Y.tolist()
     assert events.on.tolist() == [True, False, False, True]
-    assert source.format == "v2e HDF5"
-    assert "the columns of /events are taken for t, x, y, p" in report.notes[0]
+    return source, report.notes
 
 
-def test_the_frames_of_a_v2e_file_tell_the_size_of_its_sensor(tmp_path):
-    path = tmp_path / "v2e.h5"
-    write_v2e(path, P, frames=np.zeros((2, 260, 346), "u1"))
+def nmnist(x, y, on, t):
+    return bytes([x, y, int(on) << 7 | t >> 16, t >> 8 & 0xFF, t & 0xFF])
+
+
+def test_a_sample_of_n_mnist_has_its_values_and_its_clock_goes_on(tmp_path):
+    path = tmp_path / "00002.bin"
+    later = nmnist(1, 33, False, 7) + nmnist(2, 3, True, 70_000)
+    path.write_bytes(nmnist(33, 0, True, 5) + nmnist(0, 240, False, 6) + later)
     (source,) = open_sources(path)
-    assert source.sensor == SensorSize(346, 260)
+    events, report = read_all(source)
+    rows = zip(events.t_us.tolist(), events.x_px.tolist(), events.y_px.tolist(), events.on.tolist(), strict=True)
+    assert list(rows) == [(5, 33, 0, True), (8199, 1, 33, False), (78_192, 2, 3, True)]
+    assert (source.format, str(source.sensor)) == ("N-MNIST, 40-bit events", "34x34")
+    assert report.notes == [
+        "00002.bin does not name its sensor size; 34x34 is assumed, that of N-MNIST, 40-bit events."
+    ]
 
 
-def test_a_v2e_file_with_unknown_polarities_is_refused(tmp_path):
-    path = tmp_path / "v2e.h5"
-    write_v2e(path, np.array([1, 2, 0, 1]))
-    (source,) = open_sources(path, SensorSize(320, 240))
-    with pytest.raises(RecordingError, match=r"which polarity is ON cannot be told; .* got 0, 1, 2; give --polarity"):
-        read_all(source)
+def test_other_binary_files_are_not_taken_for_n_mnist(tmp_path):
+    files = {"a.bin": bytes(range(250, 0, -1)) * 2, "b.bin": b"\xff\x00" * 7, "c.dat": nmnist(1, 200, True, 5) * 2}
+    for name, data in files.items():
+        path = tmp_path / name
+        path.write_bytes(data)
+        with pytest.raises(RecordingError, match="the format is not recognised"):
+            open_sources(path)
+
+
+def test_an_n_imagenet_file_gives_its_events_and_says_what_size_was_assumed(tmp_path):
+    records = np.zeros(4, [("x", "<u2"), ("y", "<u2"), ("t", "<i8"), ("p", "?")])
+    records["x"], records["y"], records["t"], records["p"] = X, Y, T, P
+    np.savez_compressed(tmp_path / "n01440764_10026.npz", event_data=records)
+    source, notes = read_the_four_events(tmp_path / "n01440764_10026.npz")
+    assert (source.format, str(source.sensor)) == ("N-ImageNet NumPy", "640x480")
+    assert "640x480 is assumed, that of N-ImageNet" in notes[0]
+    assert read_the_four_events(tmp_path / "n01440764_10026.npz", SensorSize(320, 240))[1] == []
+
+
+def test_an_evimo_archive_gives_its_events_the_size_of_its_depth_and_loads_no_pickle(tmp_path):
+    class Trap:
+        def __reduce__(self):
+            return (pytest.fail, ("a pickle was loaded",))
+
+    path = tmp_path / "scene_00_dyn_train_00.npz"
+    meta = np.array([Trap()], dtype=object)
+    events = np.stack([T / 1e6, X, Y, P], axis=1)
+    np.savez(path, events=events, depth=np.zeros((3, 480, 640), "f4"), meta=meta, K=np.eye(3), D=np.zeros(4))
+    source, notes = read_the_four_events(path)
+    assert (source.format, str(source.sensor), notes) == ("EVIMO NumPy", "640x480", [])
+
+
+def test_a_folder_of_evimo2_is_one_recording(tmp_path):
+    folder = tmp_path / "samsung_mono" / "imo" / "scene_13_dyn_test_00_000000"
+    folder.mkdir(parents=True)
+    np.save(folder / "dataset_events_t.npy", T / 1e6)
+    np.save(folder / "dataset_events_xy.npy", np.stack([X, Y], axis=1).astype("u2"))
+    np.save(folder / "dataset_events_p.npy", P.astype("u1"))
+    np.savez(folder / "dataset_mask.npz", mask_0000000000=np.zeros((480, 640), "u2"))
+    source, notes = read_the_four_events(folder)
+    assert (source.format, str(source.sensor)) == ("EVIMO2 NumPy", "640x480")
+    assert "ON and OFF the other way round" in notes[0]
+    with open_recording(folder) as recording:
+        (camera,) = recording.cameras.values()
+        assert camera.slice(0, 2_000_000).t_us.tolist() == (T - 5).tolist()
+        assert camera.t_offset_us == 5
+        first = recording.uuid
+    with open_recording(folder) as recording:
+        assert recording.uuid == first
+
+
+def test_evimo_polarities_that_count_are_refused(tmp_path):
+    path = tmp_path / "counts.npz"
+    np.savez(path, events=np.stack([T / 1e6, X, Y, [0, 1, 2, 3]], axis=1), mask=np.zeros((1, 480, 640), "u1"))
+    (source,) = open_sources(path)
+    with pytest.raises(RecordingError, match=r"ON cannot be told; .* got 0, 1, 2, 3; give --polarity"):
+        list(source.read(DecodeReport()))
 
 
 def write_m3ed(path, unit=1, model="pinhole"):
@@ -81,7 +132,7 @@ def write_m3ed(path, unit=1, model="pinhole"):
 def test_an_m3ed_file_becomes_a_calibrated_stereo_recording(tmp_path):
     path = tmp_path / "falcon_data.h5"
     write_m3ed(path)
-    import_recording([path], tmp_path / "out.h5")
+    import_recording(ImportOrder([path]), tmp_path / "out.h5")
     with open_recording(tmp_path / "out.h5") as recording:
         assert list(recording.cameras) == ["left", "right"]
         right = recording.cameras["right"]
@@ -102,7 +153,7 @@ def test_a_calibration_that_is_given_stands_above_that_of_the_file(tmp_path):
     (left, right) = open_sources(path)
     assert left.calibration is not None
     mine = {"left": right.calibration}
-    import_recording([path], tmp_path / "out.h5", calibration=mine)
+    import_recording(ImportOrder([path], calibration=mine), tmp_path / "out.h5")
     with open_recording(tmp_path / "out.h5") as recording:
         assert recording.cameras["left"].calibration.position_world_m[0] == 0.12
         assert recording.cameras["right"].calibration.position_world_m[0] == 0.12

@@ -1,8 +1,13 @@
-"""XML as a tree of elements that know their lines, read by defusedxml: no entities, no document types."""
+"""JSON and XML whose objects and elements know the line they stand on, so that a rejection can name it.
+
+XML is read by defusedxml: no entities, no document types.
+"""
 
 from __future__ import annotations
 
 import io
+import json
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from xml.sax import SAXException, SAXParseException
@@ -13,8 +18,52 @@ from defusedxml import DefusedXmlException
 from defusedxml.sax import make_parser
 
 from core.errors import LabelError
+from labels.formats.exchange import DocumentError
 
 MAX_DEPTH = 64
+_TOKENS = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\n]', re.DOTALL)
+
+
+class JsonObject(dict[str, object]):
+    """A JSON object; `line` is where it begins."""
+
+    line: int = 1
+
+
+def parse_json(text: str) -> object:
+    """The value, with objects as `JsonObject`.
+
+    Raises:
+        DocumentError: if the text is not JSON.
+    """
+    lines = _lines_of_objects(text)
+
+    def make(pairs: list[tuple[str, object]]) -> JsonObject:
+        made = JsonObject(pairs)
+        made.line = next(lines, 1)
+        return made
+
+    try:
+        return json.loads(text, object_pairs_hook=make)
+    except json.JSONDecodeError as error:
+        raise DocumentError(f"not JSON: {error.msg}", error.lineno) from error
+    except (RecursionError, ValueError) as error:
+        raise DocumentError(f"not JSON that can be read: {error}", 1) from error
+
+
+def _lines_of_objects(text: str) -> Iterator[int]:
+    """The line on which each object begins, in the order in which they end: the order in which a parser makes them."""
+    line, open_lines = 1, []
+    for token in _TOKENS.finditer(text):
+        match token[0]:
+            case "\n":
+                line += 1
+            case "{":
+                open_lines.append(line)
+            case "}":
+                yield open_lines.pop() if open_lines else line
+            case string:
+                line += string.count("\n")
 
 
 @dataclass(slots=True)
@@ -57,14 +106,6 @@ class XmlNode:
         return self.attributes[name]
 
 
-class XmlError(LabelError):
-    """Text that is not XML of the kind we read."""
-
-    def __init__(self, what: str, line: int) -> None:
-        super().__init__(what)
-        self.line = line
-
-
 class _Tree(ContentHandler):
     """Builds the nodes."""
 
@@ -84,7 +125,7 @@ class _Tree(ContentHandler):
 
     def startElement(self, name: str, attrs: AttributesImpl) -> None:  # noqa: N802
         if len(self._stack) >= MAX_DEPTH:
-            raise XmlError("nested too deeply", self.line)
+            raise DocumentError("nested too deeply", self.line)
         node = XmlNode(name, dict(attrs.items()), self.line)
         if self._stack:
             self._stack[-1].children.append(node)
@@ -104,7 +145,7 @@ def parse_xml(text: str) -> XmlNode:
     """Parse a text and give its root element.
 
     Raises:
-        XmlError: if the text is not well-formed, declares a document type or entities, or is nested too deeply.
+        DocumentError: if the text is not well-formed, declares a document type or entities, or is nested too deeply.
     """
     tree = _Tree()
     parser = make_parser()
@@ -116,11 +157,11 @@ def parse_xml(text: str) -> XmlNode:
     try:
         parser.parse(source)
     except DefusedXmlException as error:
-        raise XmlError("document types and entities are not read", tree.line) from error
+        raise DocumentError("document types and entities are not read", tree.line) from error
     except SAXParseException as error:
-        raise XmlError(f"not XML: {error.getMessage()}", error.getLineNumber() or tree.line) from error
+        raise DocumentError(f"not XML: {error.getMessage()}", error.getLineNumber() or tree.line) from error
     except SAXException as error:
-        raise XmlError(f"not XML: {error}", tree.line) from error
+        raise DocumentError(f"not XML: {error}", tree.line) from error
     if tree.root is None:
-        raise XmlError("not XML: no element found", 1)
+        raise DocumentError("not XML: no element found", 1)
     return tree.root
