@@ -10,7 +10,7 @@ from pathlib import Path
 from app.cli.arguments import flag, setting_flag
 from app.cli.cameras import Sensor, named_cameras
 from app.cli.ending import end_event
-from app.cli.scenes import SceneArguments
+from app.cli.simulate import SceneArguments
 from app.cli.terminal import say
 from core.cameras.presets import SENSOR_720
 from core.errors import CommandError

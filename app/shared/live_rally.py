@@ -16,7 +16,7 @@ from app.shared.live_learning import LiveLearning
 from core.cameras import Camera
 from core.chain.calibration_drift import CalibrationDrift, DriftReport
 from core.chain.config import PredictionName, with_prediction
-from core.chain.control.decision import RacketDecision
+from core.chain.control.controller import RacketDecision
 from core.chain.control.player import PlayerState
 from core.errors import CommandError, LinkError, RecordingError
 from core.history.played_bodies import PlayedBodies

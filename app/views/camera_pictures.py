@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from app.pictures.canvas import Canvas, Rendering, encode_png, event_picture
 from app.pictures.palette import PaletteIndex
 from app.state.client_state import RenderSettings
-from app.views.ball_inset import draw_ball_inset
-from app.views.requests import window_before
+from app.views.requests import draw_ball_inset, window_before
 from app.views.stage_picture import draw_truth
 from core.events import Window
 from core.recordings import Recording

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import Final
 
 import numpy as np
 
-from app.pictures.canvas import Canvas, Region, event_picture
+from app.pictures.canvas import Canvas, PictureText, Region, Rendering, event_picture
 from app.pictures.palette import PaletteIndex
 from app.state.client_state import RenderSettings, TuneView
 from app.state.swept_cells import SweptCells, TableClicks
 from app.views.answer_cache import AnswerCache
-from app.views.ball_inset import draw_ball_inset
 from app.views.mosaic import Mosaic, columns_of, lay_out
 from app.views.stage_picture import ball_ink, draw_detection, draw_stage, draw_truth, miss_px
 from core.cameras import Camera
@@ -23,10 +24,66 @@ from core.cameras.calibration.table_pose import clicks_of, find_table_pose
 from core.detection import DetectorConfig
 from core.detection.saved import SavedDetector
 from core.errors import CalibrationError
-from core.events import Window
+from core.events import Events, SensorSize, Window
 from core.metrics.run import WindowAnswer, answer_window
 from core.metrics.score import MATCH_RADIUS_PX
 from core.recordings import CameraStream, PixelTruth, Recording
+
+MAGNIFICATION: Final = 8
+"""Magnification beside that of the picture; less for a ball that would not fit."""
+SHARE: Final = 0.32
+"""Side of the inset, as a share of the picture's shorter side."""
+RADII: Final = 3.0
+"""Least side of what the inset shows, in radii of the ball."""
+MARGIN_PX: Final = 4
+"""Distance from the picture's edges, in pixels of the picture."""
+
+
+def draw_ball_inset(
+    canvas: Canvas,
+    window: Window,
+    ball: tuple[float, float, float],
+    rendering: Rendering,
+    draw_marks: Callable[[Canvas], None],
+    *,
+    titled: bool = True,
+) -> None:
+    """Draw the surroundings of a ball (u, v, r, px) magnified into the corner of `canvas` that is far from it.
+
+    `draw_marks` draws circles into the magnified part. Nothing is drawn into a picture that is too small for it.
+    """
+    height, width = canvas.image.shape
+    space_px = round(SHARE * min(height, width))
+    shown_px = round(max(space_px / (MAGNIFICATION * canvas.scale), RADII * ball[2]))
+    if not 8 <= shown_px <= space_px:
+        return
+    region = Region(round(ball[0] - (shown_px - 1) / 2), round(ball[1] - (shown_px - 1) / 2), shown_px, shown_px)
+    inset = Canvas(region, width_px=space_px)
+    inset.paint_crop(event_picture(_window_in(window, region), rendering))
+    draw_marks(inset)
+    side = inset.image.shape[0]
+    inset.image[[0, -1], :] = inset.image[:, [0, -1]] = PaletteIndex.TEXT
+    u_px, v_px = ball[0] - canvas.region.x, ball[1] - canvas.region.y
+    is_right, is_low = u_px > canvas.region.width / 2, v_px > canvas.region.height / 2
+    left = MARGIN_PX if is_right else width - side - MARGIN_PX
+    top = MARGIN_PX if is_low and not is_right else height - side - MARGIN_PX  # the title is at the upper left
+    if left < 0 or top < 0:
+        return
+    canvas.image[top : top + side, left : left + side] = inset.image
+    if titled:
+        text = f"x{inset.scale / canvas.scale:.0f}"
+        canvas.texts.append(PictureText(left + MARGIN_PX, top + side - MARGIN_PX, text, PaletteIndex.TEXT, False))
+
+
+def _window_in(window: Window, region: Region) -> Window:
+    """The window's events in a region, with addresses from its corner."""
+    events = window.events
+    x_px, y_px = events.x_px.astype(np.int64) - region.x, events.y_px.astype(np.int64) - region.y
+    inside = (x_px >= 0) & (x_px < region.width) & (y_px >= 0) & (y_px < region.height)
+    sensor = SensorSize(region.width, region.height)
+    part = Events.from_columns(events.t_us[inside], x_px[inside], y_px[inside], events.on[inside], sensor)
+    return replace(window, events=part)
+
 
 RADIUS_PX = 8
 OUTLINE = ("robot-left", "robot-right", "opponent-right", "opponent-left")

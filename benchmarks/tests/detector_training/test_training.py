@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from core.detection.yolo.config import YoloConfig
-from core.errors import ConfigError
-from core.detection.yolo.config import DetectorTrainingConfig
 from benchmarks.detector_training.pool import LabelledPictures, TrainingPictures
 from benchmarks.detector_training.training import learning_rate, load_state, new_state, run_steps
+from core.detection.yolo.config import DetectorTrainingConfig, YoloConfig
+from core.errors import ConfigError
 
 pytestmark = pytest.mark.numeric
 CONFIG = DetectorTrainingConfig(
