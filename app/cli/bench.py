@@ -23,6 +23,7 @@ BENCHES = {
     "detection": "detection.bench_detection",
     "drawn-scenes": "detection.bench_drawn_scenes",
     "planet": "detection.bench_planet",
+    "rivals": "detection.bench_rivals",
     "slow-receptors": "detection.bench_slow_receptors",
     "simulation": "simulation.bench_simulation",
     "cameras": "perception.bench_cameras",
@@ -45,8 +46,8 @@ CHECKOUT: Final = Path(__file__).parents[2]
 
 
 OPTIONS = (
-    "count", "folder", "report", "chain", "balls", "speeds", "physics", "only", "recorded", "data", "annotator", "soak",
-    "rig", "cameras",
+    "count", "trials", "folder", "report", "chain", "balls", "speeds", "physics", "only", "recorded", "data",
+    "annotator", "soak", "rig", "cameras",
 )  # fmt: skip
 """That only some of them have."""
 
@@ -57,12 +58,14 @@ class BenchArguments:
 
     name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
     count: PositiveInt | None = flag(
-        "balls of points alone (outcomes), flights (drawn-scenes, slow-receptors), seeds (paper-perception, rig), "
+        "balls of points alone (outcomes), flights (drawn-scenes, slow-receptors; of each kind: rivals), "
+        "seeds (paper-perception, rig), "
         "seeds of everything that is compared (learning), serves of each scene and speed (cameras)",
         "N",
     )
+    trials: PositiveInt | None = flag("of tuning, for each method (rivals)", "N", "24")
     folder: Path | None = flag(
-        "what is measured is kept here (learning, drawn-scenes, paper-perception, outcomes, robustness)"
+        "what is measured is kept here (learning, drawn-scenes, rivals, paper-perception, outcomes, robustness)"
     )
     report: Path | None = flag("the page, for a bench that writes one", "FILE.md")
     chain: Literal["filter", "fit", "paper", "auto", "known"] | None = flag(

@@ -223,7 +223,7 @@ def choose_pictures(recording: FileRecording, name: str | None) -> tuple[str, Fr
         raise CommandError("which camera?", expected=f"--camera with one of {', '.join(there)}")
     name = name or next(iter(there), None)
     if name is None or name not in there:
-        remedy = "take some with `rallyscope simulate --frames-hz N`, or add them with `rallyscope import --frames`"
+        remedy = "take some with `rallyscope simulate --frames-hz 30`, or add them with `rallyscope import --frames`"
         where = "the recording" if name is None else f"camera {name}"
         known = f"one of {', '.join(there)}" if there else None
         raise CommandError("no pictures", expected=known, where=where, remedy=remedy)

@@ -12,6 +12,7 @@ from typing import ClassVar
 from app.cli.arguments import Names, Numbers, PositiveInt, flag, given, setting_flag
 from app.cli.backend_arguments import SharedBackendArguments
 from app.cli.cameras import Sensor, named_cameras
+from app.cli.constants import CONSTANTS_HELP, given_constants
 from app.cli.progress import Progress, progress_bar
 from app.cli.terminal import say
 from core.cameras.presets import CORNERS, PLACEMENTS, SENSOR_720
@@ -85,7 +86,8 @@ class SimulateArguments:
     cameras: str | None = flag("placement, or a calibration file", f"{'|'.join(PLACEMENTS)}|{CORNERS}|FILE", "side")
     noise_hz: float | None = setting_flag(SensorConfig, "noise_hz", "HZ")
     sensor: Sensor | None = flag("of a placement's cameras", "WxH", SENSOR_720)
-    physics: Profile = flag("flight of the ball", "paper|real", "paper")
+    physics: Profile | None = flag("flight of the ball", "paper|real", "paper")
+    constants: Path | None = flag(CONSTANTS_HELP, "FILE")
     robot: bool | None = flag(
         "let the robot, which knows every ball, play it: racket and episodes are recorded (data sets: on)"
     )
@@ -133,12 +135,13 @@ def run(arguments: SimulateArguments) -> None:
 
 def _simulate(arguments: SimulateArguments, progress: Progress) -> SimulatedRecording:
     frames = arguments.frames()
+    constants = given_constants(arguments.constants, arguments.physics)
     sensor = replace(SensorConfig(), **given({"noise_hz": arguments.noise_hz}))
     config = StereoConfig(scene=arguments.scene.config(), sensor=sensor)
     cameras = named_cameras(arguments.cameras or "side", arguments.sensor)
     serves = [replace(LaunchConfig(), **given({"speed_mps": arguments.speed}))] * (arguments.serves or SERVES)
     if arguments.robot:
-        world = WorldConfig(task=task_profile(arguments.physics), stereo=config)
+        world = WorldConfig(task=task_profile(arguments.physics or "paper", constants), stereo=config)
         return record_robot(
             arguments.out,
             world,
@@ -155,7 +158,7 @@ def _simulate(arguments: SimulateArguments, progress: Progress) -> SimulatedReco
         cameras,
         serves,
         seed=arguments.seed,
-        physics=physics_profile(arguments.physics),
+        physics=physics_profile(arguments.physics or "paper") if constants is None else constants.physics(),
         frames=frames,
         overwrite=arguments.force,
         progress=progress,
@@ -183,7 +186,7 @@ def refuse_data_set_arguments(asked: DataSetArguments, engine: SharedBackendArgu
 
 def run_data_sets(arguments: SimulateArguments) -> None:
     """Make the data set, and say what was made."""
-    single = {"speed": arguments.speed, "scene": arguments.scene.scene}
+    single = {"speed": arguments.speed, "scene": arguments.scene.scene, "constants": arguments.constants}
     _refuse(single, "is of a single recording; a data set takes --speeds and --scenes")
     if arguments.out.exists() and not arguments.out.is_dir():
         raise CommandError("a data set is a folder", got="a file", where=arguments.out)
@@ -199,7 +202,7 @@ def _plan(arguments: SimulateArguments) -> DataSetPlan:
     making = Making(
         sensor=arguments.sensor or SENSOR_720,
         noise_hz=arguments.noise_hz,
-        physics=arguments.physics,
+        physics=arguments.physics or "paper",
         frames=frames,
         **arguments.scene.changes(),
     )

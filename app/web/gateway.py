@@ -41,6 +41,7 @@ SCRIPTS: Final = (
     "bridge.js",
     "splash.js",
     "drawing.js",
+    "visible.js",
     "sky.js",
     "reconnect.js",
     "link.js",
@@ -57,7 +58,9 @@ SCRIPTS: Final = (
     "panes.js",
     "lower.js",
     "tooltips.js",
+    "upload.js",
     "files.js",
+    "label_files.js",
     "tour.js",
     "names.js",
 )

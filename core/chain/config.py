@@ -12,6 +12,7 @@ from core.detection import DetectorConfig, refined_config
 from core.detection.methods import METHODS, Method, method_config
 from core.errors import ConfigError
 from core.physics.config import PhysicsConfig
+from core.physics.constants_file import FittedConstants
 from core.trajectory import (
     FilterConfig,
     FilterPredictor,
@@ -21,7 +22,7 @@ from core.trajectory import (
 )
 from core.trajectory.ball_kernel import AIR_KG_PER_M3
 from core.trajectory.config import published_predictor
-from core.trajectory.filter_config import UNKNOWN, chain_filter, refined_filter, with_physics
+from core.trajectory.filter_config import UNKNOWN, chain_filter, refined_filter, with_fitted_constants, with_physics
 from core.trajectory.learned_constants import LearnedConstants
 
 TABLE_FRICTION: Final = 0.15
@@ -195,3 +196,14 @@ def chain_for_physics(chain: ChainConfig, physics: PhysicsConfig) -> ChainConfig
     )
     fit = replace(chain.predictor, restitution=table.restitution, friction=table.friction)
     return replace(chain, predictor=fit, filter=ball)
+
+
+def chain_with_constants(chain: ChainConfig, constants: FittedConstants) -> ChainConfig:
+    """The chain whose filter begins with fitted constants; the paper's fit keeps those that were published with it."""
+    return replace(chain, filter=fitted_filter(chain.filter, constants))
+
+
+def fitted_filter(config: FilterConfig, constants: FittedConstants) -> FilterConfig:
+    """The filter that begins with fitted constants, see `with_fitted_constants`."""
+    drag, restitution, friction = constants.drag_coefficient, constants.restitution, constants.friction
+    return with_fitted_constants(config, drag, restitution, friction, constants.magnus_coefficient)

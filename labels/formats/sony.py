@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from core.errors import LabelError, RecordingError
 from core.files import replacing
+from core.recordings.hdf5 import HDF5_ERRORS, dataset_at, has_item, read_whole
 from core.recordings.sources.sony_rallies import LABEL_SUFFIX, read_t0_us
 from labels.formats.exchange import (
     Collector,
@@ -90,7 +91,7 @@ def read_sony(path: Path, context: ImportContext) -> Imported:
     if file is not None:
         try:
             _read_file(file, context, collector)
-        except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:  # what h5py raises for damaged files
+        except (*HDF5_ERRORS, RecordingError) as error:
             collector.reject(file, 1, f"not a readable label file: {error}")
     return collector.done()
 
@@ -127,10 +128,10 @@ def events_file_of(labels: Path) -> Path:
 def _read_file(path: Path, context: ImportContext, collector: Collector) -> None:
     with h5py.File(path, "r") as file:
         collector.files += 1
-        if "labels" in file:  # our own, with every field
+        if has_item(file, "labels"):  # our own, with every field
             read_labels(file, path, context, collector)
             return
-        points, radius = (np.asarray(file[name]) for name in ("points", "radius"))
+        points, radius = (read_whole(dataset_at(file, name)) for name in ("points", "radius"))
     if points.ndim != 2 or points.shape[1] != 2 or len(radius) != len(points):
         collector.reject(path, 1, f"points {points.shape} and radius {radius.shape} do not fit together")
         return

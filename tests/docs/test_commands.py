@@ -98,12 +98,6 @@ def test_every_command_is_understood(capsys: pytest.CaptureFixture[str]) -> None
     assert [f"{name}: {said}" for name, shown in commands if (said := problem_with(shown, capsys))] == []
 
 
-def test_every_bench_is_named_on_a_page() -> None:
-    pages = [page.read_text(encoding="utf-8") for page in PAGES if page.name != "CHANGELOG.md"]
-    named = {shown.words[1] for page in pages for shown in commands_of(page) if shown.words[0] == "bench"}
-    assert set(BENCHES) <= named
-
-
 def test_every_module_that_is_to_be_run_is_there() -> None:
     texts = {path: path.read_text(encoding="utf-8") for path in [*PAGES, *CODE, ROOT / "Makefile"]}
     found = [(path, *match) for path, text in texts.items() for match in MODULE.findall(text)]

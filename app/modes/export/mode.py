@@ -6,14 +6,16 @@ What is sent is the part of a recording that would be exported, or the live rall
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from app.export.formats import FORMATS, ExportRequest, export
+from app.export.formats import FORMATS, ExportRequest, export, time_note
 from app.export.frozen import freeze
 from app.export.selection import Span, span_of
 from app.export.unfinished import Cancelled, Progress
@@ -87,10 +89,11 @@ class StreamOrder:
         )
         groups = groups_of(recording, self.live)
         if isinstance(recording, RingRecording):
-            stream_live(
-                recording, self.address, contents, name=self.name, groups=groups, cancelled=cancelled,
-                skipped=lambda us: remark(f"{us / 1e6:.1f} s were skipped: this machine is too slow"),
-            )  # fmt: skip
+            with nullcontext() if self.live is None else self.live.kept_awake():
+                stream_live(
+                    recording, self.address, contents, name=self.name, groups=groups, cancelled=cancelled,
+                    skipped=lambda us: remark(f"{us / 1e6:.1f} s were skipped: this machine is too slow"),
+                )  # fmt: skip
             return
         span = span_of(recording, plan.start_us, plan.end_us)
         stream_recording(
@@ -231,7 +234,8 @@ class ExportMode:
         layers = self._host.services.workspace.labels
         live = self._host.services.rallies.live
         work = _recording_work(recording, plan, state.detector_a, layers, live)
-        self._exporter.start(state.recording, FORMATS[plan.format].suffix, work)
+        note = partial(time_note, plan.format, recording, span)
+        self._exporter.start(state.recording, FORMATS[plan.format].suffix, work, note)
         self._looked_s = float("-inf")
 
     def _stream(self) -> None:

@@ -32,10 +32,9 @@ FISHEYE_PARAMETERS: Final = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")
 STOP: Final = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 200, 1e-9)
 FIRST_ANGLES_DEG: Final = (90.0, 60.0, 40.0)
 """First guesses: how far off the axis the corner of the picture sees. From a bad one OpenCV finds nothing."""
-FLAGS: Final = (
-    getattr(cv2, "fisheye_CALIB_RECOMPUTE_EXTRINSIC", None) or cv2.CALIB_RECOMPUTE_EXTRINSIC,
-    getattr(cv2, "fisheye_CALIB_FIX_SKEW", None) or cv2.CALIB_FIX_SKEW,
-    getattr(cv2, "fisheye_CALIB_USE_INTRINSIC_GUESS", None) or cv2.CALIB_USE_INTRINSIC_GUESS,
+FLAGS: Final = tuple(
+    getattr(cv2.fisheye if hasattr(cv2.fisheye, name) else cv2, name)
+    for name in ("CALIB_RECOMPUTE_EXTRINSIC", "CALIB_FIX_SKEW", "CALIB_USE_INTRINSIC_GUESS")
 )
 """OpenCV 4 has flags of their own for the fisheye; 5 has one set for all."""
 

@@ -17,7 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras import Camera
+from core.errors import RecordingError
 from core.geometry import invert_transform
+from core.recordings.hdf5 import dataset_at, read_whole
 from core.recordings.truth import BallTruth
 
 LABEL_SUFFIX: Final = "_label.h5"
@@ -34,7 +36,7 @@ LARGEST_BYTES: Final = 1 << 28
 _COLUMNS: Final = tuple(f"{kind}_{axis}_label" for kind in ("pos", "vel") for axis in "xyz")
 Move = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Positions (N, 3) of one frame in the world of the recording."""
-_BROKEN: Final = (OSError, KeyError, ValueError, TypeError, IndexError, RuntimeError, csv.Error)
+_BROKEN: Final = (OSError, KeyError, ValueError, TypeError, IndexError, RuntimeError, csv.Error, RecordingError)
 
 
 def read_reference(
@@ -117,7 +119,7 @@ def _label_points(events: Path) -> NDArray[np.float64]:
     if not path.is_file():
         raise ValueError(f"{path.name}, which tells its frame, is not beside the events")
     with h5py.File(path, "r") as file:
-        points = np.asarray(file["points"], np.float64)
+        points = np.asarray(read_whole(dataset_at(file, "points")), np.float64)
     if points.ndim != 2 or points.shape[1] != 2:
         raise ValueError(f"points of shape {points.shape} in {path.name}")
     return points

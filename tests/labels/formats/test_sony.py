@@ -101,3 +101,23 @@ def test_what_is_written_has_the_columns_of_the_layout(tmp_path):
         assert file["radius"][:].tolist() == [4, 4, 4, 4]
         np.testing.assert_allclose(file["velocities"][:], [[2000, 0]] * 4)
         np.testing.assert_allclose(file["timestamps"][:], [0.0005, 0.0015, 0.0025, 0.0035])
+
+
+@pytest.mark.parametrize("name", ["points", "labels"])
+def test_labels_that_are_a_link_to_another_file_are_not_read(name, tmp_path):
+    here = write_rally(tmp_path, "evsA", 0)
+    theirs, path = tmp_path / "theirs.h5", here / "seq_001_a_label.h5"
+    with h5py.File(theirs, "w") as file:
+        file["points"] = np.full((5, 2), 50.0)
+        for column, value in {"t_us": [7], "state": [b"visible"], "x_px": [5.0], "y_px": [6.0], "r_px": [4.0]}.items():
+            file[f"labels/evsA/{column}"] = value
+    with h5py.File(path, "r+") as file:
+        file.pop(name, None)
+        file[name] = h5py.ExternalLink(str(theirs), f"/{name}")
+    read = FORMATS["sony"].read(path, ImportContext(SENSOR, None, "", "evsA"))
+    assert 50.0 not in [label.x_px for label in read.labels] and 7 not in [label.t_us for label in read.labels]
+    assert len(read.labels) == (0 if name == "points" else 4)
+    with h5py.File(theirs, "r+") as file:
+        file["labels/other"] = h5py.ExternalLink(str(path), "/")
+    read = FORMATS["hdf5"].read(theirs, ImportContext(SENSOR, None, "", "other"))
+    assert not read.labels and "not a group of columns" in read.rejections[0].reason
