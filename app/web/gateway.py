@@ -234,7 +234,7 @@ class Gateway:
 
 
 def open_gateway(host: str, port: int, admission: Admission | None = None) -> Gateway:
-    """A door in our colours, at exactly this port, 0 for any free one; viser itself would silently take the next one.
+    """A gateway at exactly this port, 0 for any free one; viser itself would silently take the next one.
 
     Raises:
         CommandError: if the address cannot be used, or other machines could connect without a token.

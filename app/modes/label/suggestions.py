@@ -33,10 +33,9 @@ from labels.assist import (
     steady_segment,
     whole_flight,
 )
-from labels.assist.both_views import labelled_positions_at
 from labels.assist.propose import joined_proposals
 from labels.assist.review import QueueItem
-from labels.assist.stereo import median_residual_px
+from labels.assist.stereo import labelled_positions_at, median_residual_px
 from labels.assist.whole_flight import Doubt
 from labels.model import Label
 from labels.store import LabelStore

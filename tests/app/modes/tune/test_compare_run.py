@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.modes.tune.compare_charts import chart_titles, method_columns
+from app.modes.tune.compare_panel import chart_titles, method_columns
 from app.modes.tune.compare_run import (
     MAX_STRETCHES,
     CompareRequest,
