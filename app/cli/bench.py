@@ -25,6 +25,7 @@ BENCHES = {
     "detection": "detection.bench_detection",
     "drawn-scenes": "detection.bench_drawn_scenes",
     "planet": "detection.bench_planet",
+    "rivals": "detection.bench_rivals",
     "slow-receptors": "detection.bench_slow_receptors",
     "simulation": "simulation.bench_simulation",
     "cameras": "perception.bench_cameras",
@@ -47,8 +48,8 @@ CHECKOUT: Final = Path(__file__).parents[2]
 
 
 OPTIONS = (
-    "count", "folder", "report", "chain", "balls", "speeds", "physics", "only", "recorded", "data", "annotator", "soak",
-    "rig", "cameras",
+    "count", "trials", "folder", "report", "chain", "balls", "speeds", "physics", "only", "recorded", "data",
+    "annotator", "soak", "rig", "cameras",
 )  # fmt: skip
 """That only some of them have."""
 
@@ -59,12 +60,14 @@ class BenchArguments:
 
     name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
     count: PositiveInt | None = flag(
-        "balls of points alone (outcomes), flights (drawn-scenes, slow-receptors), seeds (paper-perception, rig), "
+        "balls of points alone (outcomes), flights (drawn-scenes, slow-receptors; of each kind: rivals), "
+        "seeds (paper-perception, rig), "
         "seeds of everything that is compared (learning), serves of each scene and speed (cameras)",
         "N",
     )
+    trials: PositiveInt | None = flag("of tuning, for each method (rivals)", "N", "24")
     folder: Path | None = flag(
-        "what is measured is kept here (learning, drawn-scenes, paper-perception, outcomes, robustness)"
+        "what is measured is kept here (learning, drawn-scenes, rivals, paper-perception, outcomes, robustness)"
     )
     report: Path | None = flag("the page, for a bench that writes one", "FILE.md")
     chain: Literal["filter", "fit", "paper", "auto", "known"] | None = flag(
@@ -101,7 +104,7 @@ def run(arguments: BenchArguments) -> None:
     module = BENCHES[arguments.name]
     if arguments.recorded is not None:
         module = OWN_RECORDINGS.get(arguments.name, module)
-    measure: Callable[..., dict[str, object]] = load_bench(module).run
+    measure: Callable[..., dict[str, object]] = load_from_checkout(module).run
     options: dict[str, object] = given({name: getattr(arguments, name) for name in OPTIONS})
     taken = inspect.signature(measure).parameters.keys()
     asked = given({"jobs": arguments.engine.jobs, "cluster": arguments.engine.cluster})
@@ -136,7 +139,7 @@ class _RowPrinter:
         self._progress.say(format_row(row))
 
 
-def load_bench(module: str) -> ModuleType:
+def load_from_checkout(module: str) -> ModuleType:
     """A module of the folder benchmarks/ beside the packages; it is part of a checkout, not of an installation.
 
     Raises:
@@ -144,9 +147,9 @@ def load_bench(module: str) -> ModuleType:
     """
     if not (CHECKOUT / "benchmarks" / "__init__.py").is_file():
         raise CommandError(
-            "the benchmarks are not installed with the package",
+            "benchmarks, and the training of detectors, are not installed with the package",
             expected=f"the folder benchmarks/ of a checkout of the source in {CHECKOUT}",
-            remedy="clone the repository, `pip install -e '.[bench]'` there, and run `rallyscope bench` from it",
+            remedy="clone the repository, `pip install -e '.[bench]'` there, and run the command from it",
         )
     if str(CHECKOUT) not in sys.path:  # an editable installation finds the packages alone
         sys.path.append(str(CHECKOUT))

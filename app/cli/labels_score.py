@@ -141,8 +141,8 @@ def _lines_in_time(pieces: Sequence[LabelledRecording], answers: Sequence[LabelA
         return []
     lines = []
     for title, each in (
-        ("held where they were", [(one.held, asked) for one, asked in found]),
-        ("moved on by the ball's velocity", [(one.moved, asked) for one, asked in found]),
+        ("as given", [(one.held, asked) for one, asked in found]),
+        ("extrapolated with the ball's velocity", [(one.moved, asked) for one, asked in found]),
     ):
         delays_ms = " and ".join(sorted({f"{1e-3 * one.delay_us:.2f}" for one, _ in found}))
         lines += [
@@ -228,8 +228,8 @@ def _score_table(scores: tuple[GroupScore, ...]) -> list[str]:
 
 def _noise_line(noise: Agreement | None) -> str:
     if noise is None or not noise.both_seen:
-        return "the annotator's own noise is not known: no blind repeats yet"
+        return "annotator noise: not measured, no blind repeats yet"
     hand = noise.by_hand
     if not hand.pairs:
-        return f"the annotator's own noise is not known: none of {noise.both_seen} blind repeats was by hand both times"
-    return f"the annotator's own noise: median {hand.median_px:.2f} px, p95 {hand.p95_px:.2f} px between two looks"
+        return f"annotator noise: not measured, none of {noise.both_seen} blind repeats was by hand both times"
+    return f"annotator noise: median {hand.median_px:.2f} px, p95 {hand.p95_px:.2f} px between two looks"

@@ -7,6 +7,7 @@ from dataclasses import asdict, replace
 
 from app.cli.arguments import given
 from app.cli.cameras import named_cameras
+from app.cli.constants import given_constants
 from app.cli.progress import Progress, progress_bar
 from app.cli.simulate_arguments import SERVES, SimulateArguments
 from app.cli.simulate_data_set import refuse_data_set_arguments, run_data_sets
@@ -39,12 +40,13 @@ def run(arguments: SimulateArguments) -> None:
 
 def _simulate(arguments: SimulateArguments, progress: Progress) -> SimulatedRecording:
     frames = arguments.frames()
+    constants = given_constants(arguments.constants, arguments.physics)
     sensor = replace(SensorConfig(), **given({"noise_hz": arguments.noise_hz}))
     config = StereoConfig(scene=arguments.scene.config(), sensor=sensor)
     cameras = named_cameras(arguments.cameras or "side", arguments.sensor)
     serves = [replace(LaunchConfig(), **given({"speed_mps": arguments.speed}))] * (arguments.serves or SERVES)
     if arguments.robot:
-        world = WorldConfig(task=task_profile(arguments.physics), stereo=config)
+        world = WorldConfig(task=task_profile(arguments.physics or "paper", constants), stereo=config)
         return record_robot(
             arguments.out,
             world,
@@ -61,7 +63,7 @@ def _simulate(arguments: SimulateArguments, progress: Progress) -> SimulatedReco
         cameras,
         serves,
         seed=arguments.seed,
-        physics=physics_profile(arguments.physics),
+        physics=physics_profile(arguments.physics or "paper") if constants is None else constants.physics(),
         frames=frames,
         overwrite=arguments.force,
         progress=progress,

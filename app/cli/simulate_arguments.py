@@ -10,6 +10,7 @@ from typing import ClassVar
 from app.cli.arguments import Names, Numbers, PositiveInt, flag, given, setting_flag
 from app.cli.backend_arguments import SharedBackendArguments
 from app.cli.cameras import Sensor
+from app.cli.constants import CONSTANTS_HELP
 from app.cli.scenes import SceneArguments
 from core.cameras.presets import CORNERS, PLACEMENTS, SENSOR_720
 from core.data_sets import PRESETS
@@ -51,7 +52,8 @@ class SimulateArguments:
     cameras: str | None = flag("placement, or a calibration file", f"{'|'.join(PLACEMENTS)}|{CORNERS}|FILE", "side")
     noise_hz: float | None = setting_flag(SensorConfig, "noise_hz", "HZ")
     sensor: Sensor | None = flag("of a placement's cameras", "WxH", SENSOR_720)
-    physics: Profile = flag("flight of the ball", "paper|real", "paper")
+    physics: Profile | None = flag("flight of the ball", "paper|real", "paper")
+    constants: Path | None = flag(CONSTANTS_HELP, "FILE")
     robot: bool | None = flag(
         "let the robot, which knows every ball, play it: racket and episodes are recorded (data sets: on)"
     )

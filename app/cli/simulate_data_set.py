@@ -30,7 +30,7 @@ def refuse_data_set_arguments(asked: DataSetArguments, engine: SharedBackendArgu
 
 def run_data_sets(arguments: SimulateArguments) -> None:
     """Make the data set, and say what was made."""
-    single = {"speed": arguments.speed, "scene": arguments.scene.scene}
+    single = {"speed": arguments.speed, "scene": arguments.scene.scene, "constants": arguments.constants}
     _refuse(single, "is of a single recording; a data set takes --speeds and --scenes")
     if arguments.out.exists() and not arguments.out.is_dir():
         raise CommandError("a data set is a folder", got="a file", where=arguments.out)
@@ -46,7 +46,7 @@ def _plan(arguments: SimulateArguments) -> DataSetPlan:
     making = Making(
         sensor=arguments.sensor or SENSOR_720,
         noise_hz=arguments.noise_hz,
-        physics=arguments.physics,
+        physics=arguments.physics or "paper",
         frames=frames,
         **arguments.scene.changes(),
     )

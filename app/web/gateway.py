@@ -43,6 +43,7 @@ SCRIPTS: Final = (
     "bridge.js",
     "splash.js",
     "drawing.js",
+    "visible.js",
     "sky.js",
     "reconnect.js",
     "link.js",
@@ -59,7 +60,9 @@ SCRIPTS: Final = (
     "panes.js",
     "lower.js",
     "tooltips.js",
+    "upload.js",
     "files.js",
+    "label_files.js",
     "tour.js",
     "names.js",
 )

@@ -1,4 +1,4 @@
-"""What a chain and a controller are told of the physics that their ball flies by: nothing, unless somebody says it."""
+"""What a chain and a controller assume of the ball's physics: nothing, unless it is given."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from dataclasses import replace
 
 from core.chain.config import ChainConfig
 from core.physics.config import PhysicsConfig
+from core.physics.constants_file import FittedConstants
 from core.trajectory.ball_kernel import AIR_KG_PER_M3
-from core.trajectory.filter_config import UNKNOWN, with_physics
+from core.trajectory.filter_config import UNKNOWN, FilterConfig, with_fitted_constants, with_physics
 from core.trajectory.learned_constants import LearnedConstants
 
 
@@ -44,3 +45,14 @@ def chain_for_physics(chain: ChainConfig, physics: PhysicsConfig) -> ChainConfig
     )
     fit = replace(chain.predictor, restitution=table.restitution, friction=table.friction)
     return replace(chain, predictor=fit, filter=ball)
+
+
+def chain_with_constants(chain: ChainConfig, constants: FittedConstants) -> ChainConfig:
+    """The chain whose filter begins with fitted constants; the paper's fit keeps those that were published with it."""
+    return replace(chain, filter=fitted_filter(chain.filter, constants))
+
+
+def fitted_filter(config: FilterConfig, constants: FittedConstants) -> FilterConfig:
+    """The filter that begins with fitted constants, see `with_fitted_constants`."""
+    drag, restitution, friction = constants.drag_coefficient, constants.restitution, constants.friction
+    return with_fitted_constants(config, drag, restitution, friction, constants.magnus_coefficient)

@@ -184,6 +184,10 @@ class LiveMeter:
         """A block was played."""
         self.blocks += 1
 
+    def resume(self) -> None:
+        """Leave a pause that ends out of the rates."""
+        self._marks.clear()
+
     def health(self) -> PlayerHealth:
         """The figures; called by the player's own thread, whose time on the processor it takes."""
         now_s = time.monotonic()

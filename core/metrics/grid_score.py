@@ -22,6 +22,8 @@ GRID_US: Final = 1000
 SETTLING_US: Final = 10_000
 """Time that a detector gets when a ball appears or comes out of an occlusion."""
 SLOW_PX_PER_MS: Final = 2.0
+LAG_FROM_PX_PER_MS: Final = 0.5
+"""Slowest ball that tells a lag: half a pixel off is a millisecond there."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,6 +66,25 @@ class GridScore:
             np.concatenate([self.along_px, other.along_px]),
             np.concatenate([self.speed_px_per_ms, other.speed_px_per_ms]),
         )
+
+
+def lag_ms(score: GridScore) -> float:
+    """Median time by which answers lag behind the ball, ms; 0 if there are none.
+
+    The part of an error along the ball's motion, over its speed. Sensor and method have one such delay together, which
+    is no error of the place: with the truth of a recording at hand it is taken out of every method alike.
+    """
+    telling = score.speed_px_per_ms >= LAG_FROM_PX_PER_MS
+    if not telling.any():
+        return 0.0
+    return float(-np.median(score.along_px[telling] / score.speed_px_per_ms[telling]))
+
+
+def errors_without_lag(score: GridScore, lag_ms: float) -> NDArray[np.float64]:
+    """(N,) errors in px as they would be with answers dated back by this lag."""
+    along = score.along_px + lag_ms * score.speed_px_per_ms
+    across_squared = np.maximum(score.error_px**2 - score.along_px**2, 0.0)
+    return np.sqrt(along**2 + across_squared)
 
 
 def score_on_grid(

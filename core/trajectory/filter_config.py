@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from core.config import check_settings, setting
-from core.table import REAL_DRAG, REAL_FRICTION, REAL_MAGNUS, REAL_RESTITUTION
+from core.table import REAL_DRAG, REAL_FRICTION, REAL_MAGNUS, REAL_RESTITUTION, FittedConstant
 from core.trajectory.config import PhysicsName
 
 PAPER: Final = {
@@ -35,6 +35,12 @@ UNKNOWN: Final = {
 }
 """Unknown air and table: published values with their spread (drag .40 to .55, tables
 .88 to .96 and .15 to .30)."""
+
+
+LEAST_SIGMA: Final = 1e-6
+"""The smallest uncertainty that a setting of the filter takes."""
+AIR_OF_FITTED: Final = 0.99
+"""Probability of air where its drag was fitted: all but certain, the most that `air_probability` takes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,6 +96,9 @@ class FilterConfig:
     perhaps_real: bool = False
     """Nothing exact is said of air and table: they are as published, within their spread, there may be no air at all,
     and what the balls say of that is carried from one to the next (`learned_constants`)."""
+    has_fitted_constants: bool = False
+    """Where constants are learned: `drag`, `restitution` and `friction` with their sigmas were fitted to other balls of
+    the same air and table, and are what is known before the first ball, instead of the published values."""
     air_probability: float = setting(0.8, 0.01, 0.99)
     """Prior probability that there is air (choice: only simulated balls fly without it)."""
     drag_scatter: float = setting(0.045, 0.0, 0.5)
@@ -148,6 +157,29 @@ def without_air(config: FilterConfig) -> FilterConfig:
     """The config without air, where spin does not move the ball, for serves without spin."""
     nothing = {name: PAPER[name] for name in ("drag", "drag_sigma", "magnus", "spin_sigma_radps")}
     return dataclasses.replace(config, **nothing)
+
+
+def with_fitted_constants(
+    config: FilterConfig, drag: FittedConstant, restitution: FittedConstant, friction: FittedConstant, magnus: float
+) -> FilterConfig:
+    """The config that begins with constants fitted to other balls, and goes on learning them from each ball.
+
+    One ball differs from the mean of a fit by more than the fit's spread (`drag_scatter` and its like come on top).
+    """
+    return dataclasses.replace(
+        config,
+        drag=drag.value,
+        drag_sigma=max(drag.sigma, LEAST_SIGMA),
+        restitution=restitution.value,
+        restitution_sigma=max(restitution.sigma, LEAST_SIGMA),
+        friction=friction.value,
+        friction_sigma=max(friction.sigma, LEAST_SIGMA),
+        magnus=magnus,
+        spin_sigma_radps=UNKNOWN["spin_sigma_radps"],
+        perhaps_real=True,
+        has_fitted_constants=True,
+        air_probability=AIR_OF_FITTED,
+    )
 
 
 def with_physics(config: FilterConfig, physics: PhysicsName) -> FilterConfig:

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from app.cli import main
+from benchmarks.detector_training.run import training_folder
 from core.devices.raw_recorder import raw_path
 from core.files import LONGEST_NAME_BYTES, beside
-from core.learning.detector_training.run import training_folder
 from core.recordings import import_recording, open_recording
 from tests.app.shared.event_files import write_csv
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from app.export.formats import FORMATS, ExportRequest, export
+from app.export.formats import FORMATS, ExportRequest, export, time_note
 from app.export.frozen import freeze
 from app.export.selection import Span, span_of
 from app.export.unfinished import Cancelled, Progress
@@ -150,7 +151,8 @@ class ExportMode:
         layers = self._host.services.workspace.labels
         live = self._host.services.rallies.live
         work = _recording_work(recording, plan, state.detector_a, layers, live)
-        self._exporter.start(state.recording, FORMATS[plan.format].suffix, work)
+        note = partial(time_note, plan.format, recording, span)
+        self._exporter.start(state.recording, FORMATS[plan.format].suffix, work, note)
         self._looked_s = float("-inf")
 
     def _stream(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -67,10 +68,11 @@ class StreamOrder:
         )
         groups = groups_of(recording, self.live)
         if isinstance(recording, RingRecording):
-            stream_live(
-                recording, self.address, contents, name=self.name, groups=groups, cancelled=cancelled,
-                skipped=lambda us: remark(f"{us / 1e6:.1f} s were skipped: this machine is too slow"),
-            )  # fmt: skip
+            with nullcontext() if self.live is None else self.live.kept_awake():
+                stream_live(
+                    recording, self.address, contents, name=self.name, groups=groups, cancelled=cancelled,
+                    skipped=lambda us: remark(f"{us / 1e6:.1f} s were skipped: this machine is too slow"),
+                )  # fmt: skip
             return
         span = span_of(recording, plan.start_us, plan.end_us)
         stream_recording(

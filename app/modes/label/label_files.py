@@ -18,6 +18,7 @@ from labels.formats import FORMATS, ExportOptions, LabelSet
 from labels.formats.exchange import picture_name, write_bytes
 from labels.formats.pictures import write_pictures
 from labels.model import Label
+from labels.store_contents import copy_store
 
 PICTURES_SHARE: Final = 0.7
 """Of the time, where there are pictures; the rest is packing."""
@@ -104,6 +105,18 @@ def zip_label_files(request: LabelFilesRequest, path: Path, progress: Progress, 
                 archive.write(file, file.relative_to(root.parent))
                 progress(PICTURES_SHARE + (1 - PICTURES_SHARE) * number / len(files))
     return made
+
+
+def copy_label_store(folder: Path, recording_uuid: str, path: Path) -> LabelFiles:
+    """Write the label store of a recording as one file: every camera and annotator, with all changes.
+
+    Raises:
+        CommandError: if the file exists already, or cannot be written.
+        LabelError: if there are no labels, or they cannot be read.
+    """
+    with unfinished_file(path, overwrite=False) as unfinished:
+        count = copy_store(folder, recording_uuid, unfinished)
+    return LabelFiles(count, (path,), (), ())
 
 
 def write_frames(

@@ -84,7 +84,7 @@ def score_with_labels(
     late = f"all, {1e-3 * later.delay_us:.2f} ms later"
     in_time = [
         replace(score_groups(found, asked)[0], group=f"{late}, {name}")
-        for name, found in (("held", later.held), ("moved on", later.moved))
+        for name, found in (("as given", later.held), ("extrapolated", later.moved))
         if len(asked)
     ]
     return LabelScore(

@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.detector_training.pool import TrainingPictures
 from core.detection.yolo.letterbox import GREY
-from core.learning.detector_training.pool import TrainingPictures
 
 DISPLAY_GAMMA: Final = 2.2
 STEP_SHARE: Final = 0.25

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import torch
 
+from benchmarks.detector_training import run as detector_run
+from benchmarks.detector_training.pool import LabelledPictures, TrainingPictures
+from benchmarks.detector_training.run import MATCH_PX, choose_confidence, score_sharp, sharp_frames
 from core.detection.yolo.config import YoloConfig
 from core.detection.yolo.network import YoloTiny
 from core.detection.yolo.weights import YoloWeights
-from core.learning.detector_training import run as detector_run
-from core.learning.detector_training.pool import LabelledPictures, TrainingPictures
-from core.learning.detector_training.run import MATCH_PX, choose_confidence, score_sharp, sharp_frames
 
 pytestmark = pytest.mark.numeric
 ONE = (("ball", "side", 9.0),)

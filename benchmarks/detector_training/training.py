@@ -22,16 +22,15 @@ from safetensors.torch import save
 from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits
 
+from benchmarks.detector_training.crops import CropBatch, draw_batch
+from benchmarks.detector_training.pool import TrainingPictures
 from core.config import config_to_mapping
 from core.detection.yolo.boxes import ANCHORS_PX, decode_boxes, iou, split_head
-from core.detection.yolo.config import STRIDES
+from core.detection.yolo.config import STRIDES, DetectorTrainingConfig
 from core.detection.yolo.detector import WHITE
 from core.detection.yolo.network import YoloTiny
 from core.errors import ConfigError
 from core.files import replace_file
-from core.learning.detector_training.config import DetectorTrainingConfig
-from core.learning.detector_training.crops import CropBatch, draw_batch
-from core.learning.detector_training.pool import TrainingPictures
 from core.text import parse_json
 
 BOX_WEIGHT: Final = 3.0

@@ -3,12 +3,8 @@
 import numpy as np
 import pytest
 
-from core.detection.yolo.config import YoloConfig
-from core.errors import ConfigError, RecordingError
-from core.events import Events, SensorSize
-from core.learning.detector_training import pool as pools
-from core.learning.detector_training.config import DetectorTrainingConfig
-from core.learning.detector_training.pool import (
+from benchmarks.detector_training import pool as pools
+from benchmarks.detector_training.pool import (
     LabelledPictures,
     data_set_pool,
     draw_camera,
@@ -16,6 +12,9 @@ from core.learning.detector_training.pool import (
     render_room,
     rendered_pool,
 )
+from core.detection.yolo.config import DetectorTrainingConfig, YoloConfig
+from core.errors import ConfigError, RecordingError
+from core.events import Events, SensorSize
 from core.recordings import PixelTruth, RecordingWriter
 
 CONFIG = DetectorTrainingConfig(rooms=3, frames_per_room=8, yolo=YoloConfig(input_width_px=640, input_height_px=384))

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from core.detection.yolo.config import YoloConfig
+from benchmarks.detector_training.pool import LabelledPictures, TrainingPictures
+from benchmarks.detector_training.training import learning_rate, load_state, new_state, run_steps
+from core.detection.yolo.config import DetectorTrainingConfig, YoloConfig
 from core.errors import ConfigError
-from core.learning.detector_training.config import DetectorTrainingConfig
-from core.learning.detector_training.pool import LabelledPictures, TrainingPictures
-from core.learning.detector_training.training import learning_rate, load_state, new_state, run_steps
 
 pytestmark = pytest.mark.numeric
 CONFIG = DetectorTrainingConfig(

@@ -16,18 +16,17 @@ from typing import Final
 import numpy as np
 import torch
 
+from benchmarks.detector_training.pool import TrainingPictures, data_set_pool, rendered_pool
+from benchmarks.detector_training.training import load_state, new_state, run_steps
 from core.cameras import stereo_preset
 from core.config import config_to_mapping
-from core.detection.yolo.config import YoloConfig
+from core.detection.yolo.config import DetectorTrainingConfig, YoloConfig
 from core.detection.yolo.detector import YoloDetector, find_circles
 from core.detection.yolo.network import YoloTiny
 from core.detection.yolo.weights import SharpScore, YoloWeights, save_weights
 from core.errors import CommandError
 from core.events import CameraFrame
 from core.files import beside, hold
-from core.learning.detector_training.config import DetectorTrainingConfig
-from core.learning.detector_training.pool import TrainingPictures, data_set_pool, rendered_pool
-from core.learning.detector_training.training import load_state, new_state, run_steps
 from core.metrics.grid_score import wholly_in_view
 from core.metrics.score import MATCH_RADIUS_PX
 from core.physics.config import PhysicsConfig

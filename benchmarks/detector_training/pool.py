@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 from core.cameras import Camera
 from core.cameras.presets import DISTORTION, FOCAL_PX, PLACEMENTS, SENSOR_720
+from core.detection.yolo.config import DetectorTrainingConfig
 from core.detection.yolo.letterbox import shrink
 from core.errors import ConfigError, RecordingError
 from core.files import read_json, replacing, write_json
 from core.geometry import look_at
-from core.learning.detector_training.config import DetectorTrainingConfig
 from core.physics.config import PhysicsConfig
 from core.recordings import open_recording
 from core.recordings.reader import FileRecording

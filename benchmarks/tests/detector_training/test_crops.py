@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from core.learning.detector_training import crops
-from core.learning.detector_training.crops import (
+from benchmarks.detector_training import crops
+from benchmarks.detector_training.crops import (
     BallStreak,
     draw_batch,
     draw_crop,
@@ -10,7 +10,7 @@ from core.learning.detector_training.crops import (
     other_light,
     random_streak,
 )
-from core.learning.detector_training.pool import LabelledPictures, TrainingPictures
+from benchmarks.detector_training.pool import LabelledPictures, TrainingPictures
 
 SIDE = 96
 
