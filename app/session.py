@@ -47,6 +47,7 @@ from app.web.pages import Message, PageConnection, Pages
 from app.web.uploads import Purpose
 from core.detection.saved import SavedDetector
 from core.errors import RallyscopeError, RecordingError
+from core.extras import missing_package
 from core.history.following import is_stereo
 from core.live.ring_recording import RingRecording
 from core.recordings import Recording, knows_ball
@@ -470,6 +471,7 @@ class Session:
     def report(self, error: Exception) -> None:
         """Show an error; called in the loop."""
         self._shown = None  # reset the control to the old value
+        error = missing_package(error) or error
         if isinstance(error, RallyscopeError):
             self.note(*notice_of(error), "red")
         else:

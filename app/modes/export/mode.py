@@ -37,6 +37,7 @@ from app.widgets import when_clicked
 from core.chain import ChainConfig
 from core.detection.saved import SavedDetector
 from core.errors import CommandError
+from core.extras import require_package
 from core.live.ring_recording import RingRecording
 from core.recordings import Recording
 from core.recordings.layout import Rows
@@ -75,6 +76,7 @@ class StreamOrder:
             RallyscopeError: if there is no viewer, or it is lost.
             ExportCancelledError: if `cancelled()` is true.
         """
+        require_package("rerun", "a stream to a Rerun viewer")
         from app.export.rrd.recording import RrdContents  # Rerun is loaded when it is wanted
         from app.export.rrd.viewer import stream_live, stream_recording
 
