@@ -47,6 +47,7 @@ from app.web.pages import Message, PageConnection, Pages
 from app.web.uploads import Purpose
 from core.detection.saved import SavedDetector
 from core.errors import RallyscopeError, RecordingError
+from core.extras import missing_package
 from core.history.following import is_stereo
 from core.live.ring_recording import RingRecording
 from core.recordings import Recording, knows_ball
@@ -109,7 +110,7 @@ class Session:
         self._moments_s = float("-inf")
         self.page = SessionPage(visit, pages, services.browsers, pool, self)
         self.plane = ImageView(client, self._clicked)
-        self.world = World(client)
+        self.world = World(client, lambda: self.plane.aspect)
         self._example = ExampleRally(self.world.draw)
         self._interface = ControlPanel(client.gui, self.send, self._send_key, self)
         with self._interface.modes_folder:
@@ -470,6 +471,7 @@ class Session:
     def report(self, error: Exception) -> None:
         """Show an error; called in the loop."""
         self._shown = None  # reset the control to the old value
+        error = missing_package(error) or error
         if isinstance(error, RallyscopeError):
             self.note(*notice_of(error), "red")
         else:

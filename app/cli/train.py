@@ -17,6 +17,7 @@ from app.cli.progress import progress_bar
 from app.cli.terminal import say
 from core.config import load_config
 from core.errors import CommandError
+from core.extras import require_package
 from core.jobs import ALONE, JobBackend
 from core.learning.config import (
     AgentName,
@@ -102,6 +103,7 @@ class TrainArguments:
 
 def run(arguments: TrainArguments) -> None:
     """Train until the end, or until interrupted: then the run can be resumed."""
+    require_package("torch", "training")
     folder, engine = arguments.out, _engine(arguments)
     if arguments.resume:
         if options := given(dataclasses.asdict(arguments.new)):

@@ -21,6 +21,7 @@ from app.cli.terminal import say
 from core.config import load_config
 from core.detection.yolo.config import DetectorTrainingConfig, Precision, YoloConfig
 from core.errors import CommandError
+from core.extras import require_package
 
 
 def input_size(text: str) -> tuple[int, int]:
@@ -58,6 +59,7 @@ class TrainDetectorArguments:
 
 def run(arguments: TrainDetectorArguments) -> None:
     """Train until the end, or until interrupted: then the same command goes on."""
+    require_package("torch", "training a detector")
     config = requested_training(arguments)
     check_folder(arguments.out)
     if arguments.out.exists() and not arguments.force:

@@ -11,6 +11,7 @@ from app.export.selection import DEFAULT_STRIDE_US, Span, span_of
 from app.export.unfinished import Cancelled, Progress
 from core.chain import ChainConfig
 from core.errors import CommandError, PluginError
+from core.extras import require_package
 from core.recordings import Recording
 from core.recordings.layout import Rows
 from core.registry import Registry
@@ -203,6 +204,7 @@ def _first_event_us(recording: Recording, span: Span) -> int | None:
 
 
 def _rrd(task: ExportTask) -> tuple[Path, ...]:
+    require_package("rerun", "a Rerun recording")
     from app.export.rrd.recording import RrdContents, export_rrd
 
     order = task.order
@@ -222,6 +224,7 @@ def _rrd(task: ExportTask) -> tuple[Path, ...]:
 
 
 def _csv(task: ExportTask) -> tuple[Path, ...]:
+    require_package("pyarrow", "an export of tables")
     from app.export.events import export_csv
 
     return export_csv(
@@ -319,6 +322,7 @@ def _film_of_run(task: RunTask) -> tuple[Path, ...]:
 
 
 def _rrd_of_run(task: RunTask) -> tuple[Path, ...]:
+    require_package("rerun", "a Rerun recording")
     from app.export.rrd.run import export_run
 
     made = export_run(

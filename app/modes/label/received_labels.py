@@ -13,7 +13,7 @@ from typing import IO, Final
 
 from app.modes.label.comparer import FOLDER as STORES
 from app.modes.label.comparer import SUFFIX as STORE_SUFFIX
-from app.modes.label.import_files import FOLDER, MAX_ENTRIES
+from app.modes.label.label_files import FOLDER, MAX_ENTRIES
 from app.web.uploads import KEPT_FREE_BYTES
 from core.errors import LabelError
 from labels.store_contents import layers_of_store
