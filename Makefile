@@ -5,8 +5,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 DATA ?= rallyscope-data
 PORT ?= 8080
+# Where torch alone is installed from, if not from where all the rest is: its index of CPU builds spares a Linux machine
+# without NVIDIA some gigabytes.
+TORCH_INDEX ?=
 
-.PHONY: run test test-all test-benchmarks durations quick check chromium kernels bench docs film install-hashed hashes clean
+.PHONY: run test test-all test-benchmarks durations quick lowest check chromium kernels bench docs film
+.PHONY: install-hashed hashes clean
 
 run: $(VENV)/.installed
 	$(BIN)/rallyscope serve --data "$(DATA)" --port $(PORT) --open
@@ -37,6 +41,11 @@ quick: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/python -m pytest -q -n 2 -m "not slow"
+
+# The oldest versions that pyproject.toml allows, in an environment of their own, and the short tests with them.
+lowest: $(VENV)/.installed-dev
+	$(BIN)/pip install --quiet uv
+	$(BIN)/python -m tests.lowest_versions $(if $(TORCH_INDEX),--torch-index "$(TORCH_INDEX)")
 
 check: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
@@ -75,16 +84,22 @@ hashes: | $(VENV)/bin/python
 	 $(BIN)/uv pip compile pyproject.toml --extra dev --constraint constraints.txt --universal --python-version 3.11.5 \
 	 --generate-hashes --only-binary :all: --no-emit-index-url --no-header --no-annotate --quiet) > constraints-hashed.txt
 
+# Nothing but torch from that index: what it needs comes from where all the rest does.
+INSTALL_TORCH = $(if $(TORCH_INDEX),$(BIN)/pip install --no-deps --constraint constraints.txt \
+	--index-url "$(TORCH_INDEX)" torch)
+
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.installed: pyproject.toml constraints.txt | $(VENV)/bin/python
 	@echo "Installing what Rallyscope needs into $(VENV), once; this takes a minute or two ..."
+	$(INSTALL_TORCH)
 	$(BIN)/pip install --constraint constraints.txt --editable .
 	touch $@
 
 $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(VENV)/bin/python
 	@echo "Installing what Rallyscope and its tests need into $(VENV), once; this takes a minute or two ..."
+	$(INSTALL_TORCH)
 	$(BIN)/pip install --constraint constraints.txt --editable '.[dev]'
 	$(BIN)/pip install --quiet --constraint constraints.txt --no-deps labelImg # its readers are checkers; not its Qt
 	-$(BIN)/pip install --quiet --constraint constraints.txt mlcroissant # not in `dev`: a part of it has no wheel

@@ -24,7 +24,7 @@ from app.shared.live_rally import LIVE, LiveRally
 from app.shared.workspace import Workspace
 from app.startup.startup import Preparation
 from app.web import Admission, Gateway, open_gateway
-from core.chain.config import PredictionName
+from core.chain.config import ChainConfig, PredictionName, chain_with_constants
 from core.detection import DetectorConfig, FastDetector, TrackState, trace_window
 from core.detection.fast.cluster import grid_labels
 from core.detection.methods import DEFAULT_METHOD, make_detector
@@ -32,6 +32,7 @@ from core.detection.saved import SavedDetector
 from core.errors import CommandError, RallyscopeError
 from core.events import Events, SensorSize, Window
 from core.files import clear_unfinished
+from core.physics.constants_file import FittedConstants
 
 logger = logging.getLogger(__name__)
 
@@ -84,11 +85,13 @@ class App:
         viewer_address: str | None = None,
         places: JobBackends = HERE_ONLY,
         prediction: PredictionName = "filter",
+        constants: FittedConstants | None = None,
     ) -> None:
         """`detector` is what every browser starts with, unless that is as it was left; `live` is closed with the app.
 
         `viewer_address` is that of a Rerun viewer which may be streamed to, `rerun+http://HOST:PORT/proxy`. Trainings
-        and searches may be done at `places`. Hits are predicted with `prediction`, unless a browser chooses another.
+        and searches may be done at `places`. Hits are predicted with `prediction`, unless a browser chooses another;
+        its filter begins with fitted `constants` of air and table where they are given.
 
         A first recording that is not there yet, such as a live rally that is being prepared, is opened when it comes.
         A `front` that listens there already may be given; browsers that came to it meanwhile are served, too.
@@ -96,6 +99,9 @@ class App:
         self.services = Services.of(workspace, library, viewer_address, places)
         """Services shared by all browsers."""
         self.services.rallies.prediction = prediction
+        self._constants = constants
+        if constants is not None:
+            self.services.rallies.followings.chain = chain_with_constants(ChainConfig(), constants)
         self._first_recording = first_recording
         self._detector = detector
         self._autoplay = autoplay
@@ -137,6 +143,8 @@ class App:
     def use_live(self, live: LiveRally) -> None:
         """Offer a live rally from now on; it is closed with the app. From any thread."""
         live.predict_with(self.services.rallies.prediction)
+        if self._constants is not None:
+            live.begin_with(self._constants)
         self.services.rallies.live = live
         self.services.library.add_live(LIVE, live.recording)
         self._awake.set()
@@ -195,7 +203,7 @@ class App:
             started_s = time.monotonic()
             due_s = max(due_s, started_s - TICK_S) + TICK_S  # catch up one late tick, not more
             sessions = self.sessions
-            self.services.rallies.set_active(bool(sessions), started_s)
+            self.services.rallies.set_active(any(session.watches_live for session in sessions), started_s)
             self._loaded.tick(started_s, busy=bool(sessions))
             if sessions and started_s - rescanned_s > RESCAN_EVERY_S:
                 rescanned_s = started_s

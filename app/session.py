@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import replace
+from pathlib import Path
 from typing import Final
 
 import viser
@@ -33,6 +34,7 @@ from app.panels.recording_info import RecordingInfo, gather_info
 from app.panels.time_bar import Runs, TimeBar, Tracks, moments_of, opening_us, same_moments, tracks_of
 from app.scene.world import World
 from app.shared.source_notifications import SourceNotifications
+from app.startup.example_rally import ExampleRally
 from app.startup.panel import AwaitedRecording, PreparationPanel
 from app.startup.startup import Preparation
 from app.state.client_state import MODES, ClientState, ModeName, Playhead
@@ -42,8 +44,10 @@ from app.views.image_view import ImageView
 from app.views.mosaic import Mosaic
 from app.views.requests import WatchRequest, render_watch
 from app.web.pages import Message, PageConnection, Pages
+from app.web.uploads import Purpose
 from core.detection.saved import SavedDetector
 from core.errors import RallyscopeError, RecordingError
+from core.extras import missing_package
 from core.history.following import is_stereo
 from core.live.ring_recording import RingRecording
 from core.recordings import Recording, knows_ball
@@ -52,6 +56,8 @@ logger = logging.getLogger(__name__)
 NOTE_SECONDS = 8.0
 MOMENTS_EVERY_S = 1.0
 """Interval at which new bounces and hits of a live rally are read."""
+STILLS_EVERY_S = 1.0
+"""Interval of the example's pictures on a page that is rendered on the CPU, which is busy compiling."""
 SLOW_MOTION = ("Slow motion", "A bounce at 1/20 speed; live again after the return (key End: now)")
 FACTORIES: Final[dict[ModeName, ModeFactory]] = {
     "Watch": WatchMode,
@@ -96,13 +102,16 @@ class Session:
         self._autoplay = False
         self._is_complete = False
         """Whether the page was sent a view that is complete."""
+        self._is_visible = True
+        """Whether the page can be seen: its tab is in front, and its window is not minimised."""
         self._tracks = Tracks(0)
         self._live_uuid = ""
         self._source_news = SourceNotifications()
         self._moments_s = float("-inf")
         self.page = SessionPage(visit, pages, services.browsers, pool, self)
         self.plane = ImageView(client, self._clicked)
-        self.world = World(client)
+        self.world = World(client, lambda: self.plane.aspect)
+        self._example = ExampleRally(self.world.draw)
         self._interface = ControlPanel(client.gui, self.send, self._send_key, self)
         with self._interface.modes_folder:
             self._modes: dict[ModeName, Mode] = {name: FACTORIES[name](self) for name in MODES}
@@ -117,6 +126,7 @@ class Session:
         self.page.listen("lower", self.plane.panel_resized)
         self.page.listen("enlarge", lambda message: self.send(EnlargePicture(message.get("camera"))))
         self.page.listen("hand", lambda _: self.world.touched())
+        self.page.listen("visible", self._see_page)
         self.plane.tell = self.page.send
 
     # Requests from the browser, in viser's event loop ---------------------------------------------------------
@@ -152,6 +162,14 @@ class Session:
         """Call `listener` in the loop with every message of this kind of the page."""
         self.page.listen(kind, listener)
 
+    def receive(self, take: Callable[[Path], None], purpose: Purpose) -> None:
+        """Pass files that the page sends for a purpose to `take`, in the server's event loop; `take` owns them."""
+        self.page.receive(take, purpose)
+
+    def send_to_page(self, kind: str, values: Message) -> None:
+        """Send a message to the scripts of the page; only the latest of each kind is kept."""
+        self.page.send(kind, values)
+
     def say(self, text: str) -> None:
         """Show one line on the page that goes away by itself."""
         self.page.say(text)
@@ -180,6 +198,9 @@ class Session:
         """Reset the view of the picture."""
         self._enqueue(lambda: self.plane.frame(again=True))
 
+    def _see_page(self, message: Message) -> None:
+        self._is_visible = message.get("visible") is not False
+
     def _clicked(self, x: float, y: float) -> None:
         self._enqueue(lambda: self._apply_click(x, y))
 
@@ -205,6 +226,8 @@ class Session:
             if self._awaited.waiting:  # an empty table before the first ball
                 self.plane.set_visible(False)
                 self.world.show(True)
+                if self._awaited.is_preparing:
+                    self._example.tick(wall_s, STILLS_EVERY_S if self._pace.by_software else 0.0)
                 self.world.billboard_wxyz()
                 self._reveal()
             return
@@ -323,10 +346,20 @@ class Session:
     @property
     def needs_tick(self) -> bool:
         """Whether something moves by itself, so that the loop must not sleep long."""
-        if self._state is None:
+        if not self._is_visible:
             return False
+        if self._state is None:
+            return self._awaited.is_preparing and not self._pace.by_software
         waiting = self.plane.freshness.is_waiting  # an outdated picture is marked in time
         return self._modes[self._state.mode].needs_tick or self._state.playhead.playing or waiting
+
+    @property
+    def watches_live(self) -> bool:
+        """Whether this browser shows the live rally, or will when its page is complete."""
+        if self._state is None or self._recording is None:
+            return True
+        shows_it = isinstance(self._recording, RingRecording) and self._modes[self._state.mode].uses_recording
+        return shows_it and self._is_visible
 
     def offer(self, recordings: tuple[str, ...]) -> None:
         """Update the list of recordings; called by the loop."""
@@ -438,6 +471,7 @@ class Session:
     def report(self, error: Exception) -> None:
         """Show an error; called in the loop."""
         self._shown = None  # reset the control to the old value
+        error = missing_package(error) or error
         if isinstance(error, RallyscopeError):
             self.note(*notice_of(error), "red")
         else:

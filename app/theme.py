@@ -7,7 +7,8 @@ import zipfile
 from typing import Final
 
 import viser
-from viser import _gui_api, _gui_handles, _icons
+
+from app.viser_parts import icon_users, icons_file
 
 BRAND_RGB: Final = (255, 140, 40)
 PANEL_WIDTH_PX: Final = 400
@@ -31,8 +32,8 @@ def apply_theme(server: viser.ViserServer) -> None:
     server.gui.main_panel.set_width(PANEL_WIDTH_PX)
     server.scene.configure_default_lights(False)
     server.scene.configure_environment_map(hdri=None)
-    for module in (_gui_api, _gui_handles):
-        module.svg_from_icon = _icon_svg  # pyright: ignore[reportAttributeAccessIssue] - where viser looks it up
+    for module in icon_users():
+        module.svg_from_icon = _icon_svg  # where viser looks it up
 
 
 @functools.cache
@@ -43,4 +44,4 @@ def _icon_svg(name: str) -> str:
 
 @functools.cache
 def _icon_archive() -> zipfile.ZipFile:
-    return zipfile.ZipFile(_icons.ICONS_DIR / "tabler-icons.zip")
+    return zipfile.ZipFile(icons_file())

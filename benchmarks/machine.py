@@ -19,7 +19,9 @@ def describe_machine(*packages: str, **remarks: str) -> dict[str, object]:
     cpu = platform.processor() or platform.machine()
     info = Path("/proc/cpuinfo")
     if info.exists():
-        names = [line.partition(":")[2].strip() for line in info.read_text().splitlines() if line[:10] == "model name"]
+        names = [
+            line.partition(":")[2].strip() for line in info.read_text("utf-8").splitlines() if line[:10] == "model name"
+        ]
         cpu = f"{len(names)} x {names[0]}" if names else cpu
     return {
         "cpu": cpu,

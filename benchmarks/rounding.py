@@ -69,7 +69,7 @@ SETTINGS: Final = (
 def processor_flags() -> set[str]:
     """What the processor can do; empty where that is not known."""
     info = Path("/proc/cpuinfo")
-    found = re.search(r"^flags\s*: (.*)$", info.read_text(), re.MULTILINE) if info.exists() else None
+    found = re.search(r"^flags\s*: (.*)$", info.read_text("utf-8"), re.MULTILINE) if info.exists() else None
     return set(found[1].split()) if found else set()
 
 
@@ -79,7 +79,7 @@ def run_tests(environment: dict[str, str], paths: Sequence[str]) -> tuple[int, i
     how = ("-n", "0", "-q", "-m", "numeric", "--timeout", "1200", "-rfE", "--tb=no")
     command = [sys.executable, "-m", "pytest", *how, *paths]
     ended = subprocess.run(
-        command, cwd=ROOT, env={**os.environ, **environment}, capture_output=True, text=True, check=False
+        command, cwd=ROOT, env={**os.environ, **environment}, capture_output=True, encoding="utf-8", check=False
     )
     names = re.findall(r"^(?:FAILED|ERROR) (\S+)", ended.stdout, re.MULTILINE)
     passed = re.search(r"(\d+) passed", ended.stdout)

@@ -90,6 +90,10 @@ class JobsError(RallyscopeError):
     """A cluster that cannot be used or is gone, or a piece of work whose workers keep dying."""
 
 
+class PackageError(RallyscopeError):
+    """A package that this installation lacks, or whose version does not fit."""
+
+
 class DeviceError(RallyscopeError):
     """An event camera that is not there, cannot be opened or read, or does not do what it is asked."""
 

@@ -150,10 +150,15 @@ def cache_folder() -> Path | None:
         folder = place / "rallyscope-kernels"
         with contextlib.suppress(OSError):
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-            if _is_private(folder) and (place != temporary or _is_private(place)):
+            folder = folder.resolve()  # a link on the way may lead elsewhere later
+            if _is_private(folder):
                 tempfile.TemporaryFile(dir=folder).close()
                 return folder
-    logger.warning("compiled code cannot be kept (%s is not writable): every start compiles again", places[0])
+    logger.warning(
+        "compiled code cannot be kept (%s, or a folder above it, is not writable, or others may write there): every "
+        "start compiles again",
+        places[0],
+    )
     return None
 
 
@@ -204,11 +209,44 @@ def _root_of(source: Path) -> tuple[Path, str]:
 
 
 def _is_private(folder: Path) -> bool:
-    """Whether nobody else can put code into a folder."""
+    """Whether nobody but this user and root can put code into a folder, or another folder into its place."""
     if not hasattr(os, "geteuid"):
         return True
-    facts = folder.stat()
-    return facts.st_uid == os.geteuid() and not facts.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    user = os.geteuid()
+    trusted = {user, 0, _unknown_owner()}
+    for place in (folder, *folder.parents):
+        facts = place.stat()
+        # of a sticky folder, such as /tmp, others may add to it, but not rename what is ours
+        sticky = place != folder and facts.st_mode & stat.S_ISVTX
+        if facts.st_uid not in ({user} if place == folder else trusted) or (_others_may_write(facts) and not sticky):
+            return False
+    return True
+
+
+def _unknown_owner() -> int | None:
+    """Number that a container shows for owners it does not know, such as of its root folder; None outside of one."""
+    try:
+        users = Path("/proc/self/uid_map").read_text(encoding="ascii").split()
+    except OSError:
+        return None
+    return None if users == ["0", "0", "4294967295"] else 65534
+
+
+def _others_may_write(facts: os.stat_result) -> bool:
+    by_group = facts.st_mode & stat.S_IWGRP and not _is_own_group(facts.st_gid)
+    return bool(facts.st_mode & stat.S_IWOTH or by_group)
+
+
+def _is_own_group(group: int) -> bool:
+    """Whether it is this user's group alone: many systems give every user one, and let it write by default."""
+    import grp  # late: Windows has neither, nor this question
+    import pwd
+
+    try:
+        user, facts = pwd.getpwuid(os.geteuid()), grp.getgrgid(group)
+    except KeyError:
+        return False
+    return user.pw_gid == group and facts.gr_name == user.pw_name and not set(facts.gr_mem) - {user.pw_name}
 
 
 def _read_checked(path: Path) -> bytes | None:

@@ -24,6 +24,7 @@ import threading
 import traceback
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from typing import Any, Final, Generic, TypeVar
 
@@ -209,6 +210,20 @@ def load_same_plugins(hashes: Mapping[str, str]) -> None:
             raise PluginError("a worker has another version of this plugin", where=path, remedy=remedy)
 
 
+class _LoaderOfBytes(SourceFileLoader):
+    """Runs source that was read before, so that what is hashed is what runs, even if the file changes meanwhile."""
+
+    def __init__(self, name: str, path: str, content: bytes) -> None:
+        super().__init__(name, path)
+        self._content = content
+
+    def get_data(self, path: str) -> bytes:
+        return self._content
+
+    def path_stats(self, path: str) -> Mapping[str, Any]:
+        raise OSError  # so that no stored bytecode is run, nor any kept
+
+
 def load_plugin(path: Path) -> None:
     """Run a plugin file, once in a process: it registers what it adds.
 
@@ -224,8 +239,9 @@ def load_plugin(path: Path) -> None:
             remedy = "name a Python file"
             raise PluginError("the plugin cannot be read", got=error.strerror, where=path, remedy=remedy) from error
         name = MODULE_PREFIX + re.sub(r"\W", "_", path.stem)
-        spec = importlib.util.spec_from_file_location(name, path)
-        if spec is None or spec.loader is None:
+        loader = _LoaderOfBytes(name, str(path), content)
+        spec = importlib.util.spec_from_file_location(name, path, loader=loader)
+        if spec is None or path.suffix != ".py":
             raise PluginError("not a Python file", expected="a name that ends with .py", where=path)
         if name in sys.modules:
             raise PluginError("there is a plugin of this file name already", where=path, remedy="rename one of them")
@@ -235,7 +251,7 @@ def load_plugin(path: Path) -> None:
         before = _loaded.registered
         with _undone_if_it_raises():
             try:
-                _run(functools.partial(spec.loader.exec_module, module), path)
+                _run(functools.partial(loader.exec_module, module), path)
                 if _loaded.registered == before:
                     remedy = "call register_detector, register_reader, register_label_format, ... at its end"
                     raise PluginError("the plugin registers nothing", where=path, remedy=remedy)

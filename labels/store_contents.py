@@ -10,11 +10,11 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from core.errors import LabelError
-from labels.database.connection import DamagedStoreError, open_to_read, telling
+from labels.database.connection import DamagedStoreError, open_to_read, sqlite_errors
 from labels.database.edit_log import NEWEST
-from labels.database.folder import Layer
+from labels.database.folder import Layer, store_path
+from labels.database.reading import salvage
 from labels.database.rows import Values, current_rows, label_of, values_before_settling
-from labels.database.salvage import salvage
 from labels.database.schema import recording_of
 from labels.model import Label
 from labels.store import LabelStore, find_layers
@@ -62,10 +62,31 @@ def layers_of_store(path: Path) -> tuple[Layer, ...]:
     Raises:
         LabelError: if it is not a store, or cannot be read.
     """
-    with closing(open_to_read(path, untouched=True)) as db, telling(path, "cannot read the labels"):
+    with closing(open_to_read(path, untouched=True)) as db, sqlite_errors(path, "cannot read the labels"):
         uuid = recording_of(db, path)
         rows = db.execute("SELECT camera, annotator, blind FROM layers ORDER BY annotator, camera, blind").fetchall()
     return tuple(Layer(uuid, camera, annotator, bool(blind)) for camera, annotator, blind in rows)
+
+
+def copy_store(folder: Path, recording_uuid: str, target: Path) -> int:
+    """Write all that is stored of a recording's labels, with every change, into one new file; number of its labels.
+
+    Others may write to the store meanwhile: the copy is of one moment, and complete without a log beside it.
+
+    Raises:
+        LabelError: if there are no labels, or they cannot be read or written.
+    """
+    source = store_path(folder, recording_uuid)
+    if not source.is_file():
+        raise LabelError("no labels of this recording", remedy="label something first")
+    with (
+        closing(open_to_read(source)) as db,
+        sqlite_errors(target, "cannot copy the labels"),
+        closing(sqlite3.connect(target, isolation_level=None)) as copy,
+    ):
+        db.backup(copy)
+        copy.execute("PRAGMA journal_mode = DELETE")
+        return int(copy.execute("SELECT count(*) FROM labels").fetchone()[0])
 
 
 def _read_folder(folder: Path) -> StoreContents:
@@ -88,7 +109,7 @@ def _read_database(db: sqlite3.Connection, path: Path, notes: tuple[str, ...]) -
     found: dict[Layer, dict[int, Label]] = {}
     first: dict[Layer, dict[int, Label]] = {}
     all_notes = list(notes)
-    with telling(path, "cannot read the labels"):
+    with sqlite_errors(path, "cannot read the labels"):
         uuid = recording_of(db, path)
         for number, camera, annotator, blind in db.execute("SELECT * FROM layers").fetchall():
             rows = [(row[0], row[2:]) for row in current_rows(db, number, upto=NEWEST)]

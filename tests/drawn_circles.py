@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from core.learning.detector_training.crops import BallStreak, draw_streak
-from core.learning.detector_training.pool import LabelledPictures
+from benchmarks.detector_training.crops import BallStreak, draw_streak
+from benchmarks.detector_training.pool import LabelledPictures
 
 
 def draw_circles(count: int, seed: int, side_px: int = 160) -> LabelledPictures:

@@ -14,6 +14,8 @@ from typing import Final
 
 import pytest
 
+from core.extras import EXTRAS
+
 ROOT: Final = Path(__file__).parents[1]
 OURS: Final = ("app", "benchmarks", "core", "labels")
 PROJECT: Final = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -130,3 +132,28 @@ def test_every_hashed_constraint_has_hashes_and_no_address() -> None:
     assert len(found) > 90 and all(hashes for _, hashes in found.values())
     text = (ROOT / "constraints-hashed.txt").read_text(encoding="utf-8")
     assert "://" not in text and "--index" not in text and "--find-links" not in text and " @ " not in text
+
+
+LIGHT = tomllib.loads((ROOT / "light" / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def test_the_light_package_and_its_extras_are_all_dependencies_with_the_same_bounds() -> None:
+    project, extras = LIGHT["project"], LIGHT["project"]["optional-dependencies"]
+    brought = [requirement for extra in EXTRAS.values() for requirement in extras[extra]]
+    assert sorted(project["dependencies"] + brought) == sorted(PROJECT["dependencies"])
+    for module, extra in EXTRAS.items():
+        assert distributions_of(module) & names(extras[extra])
+    assert extras["all"] == [f"rallyscope[{','.join(sorted(EXTRAS.values()))}]"]
+    full = PROJECT["optional-dependencies"]
+    assert extras == {name: full[name] for name in extras} and set(full) - set(extras) == {"bench", "dev", "docs"}
+
+
+def test_the_light_package_is_this_one() -> None:
+    whole = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    assert LIGHT["build-system"] == whole["build-system"]
+    for key in ("name", "version", "requires-python", "scripts"):
+        assert LIGHT["project"][key] == PROJECT[key]
+    for key in ("packages", "package-data"):
+        light = LIGHT["tool"]["setuptools"][key]
+        light.get("find", {}).pop("where", None)
+        assert light == whole["tool"]["setuptools"][key]

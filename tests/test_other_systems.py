@@ -1,6 +1,8 @@
 """Every verb starts where Windows or macOS lack what Linux has, and the plain work is done there."""
 
+import ast
 import json
+import re
 import struct
 import subprocess
 import sys
@@ -10,6 +12,7 @@ import pytest
 
 from core.recordings import open_recording
 from tests.other_systems import hidden_environment
+from tests.sources import SOURCES, name_of, tree_of
 from tests.waiting import PATIENCE_S
 
 HELP = """
@@ -96,3 +99,63 @@ def test_the_plain_work_is_done(system: str, tmp_path: Path) -> None:
     with open_recording(tmp_path / "cd.h5") as recording:
         assert len(recording.cameras["camera"].slice(0, 50_000)) == 50
     assert not list(tmp_path.glob("**/.unfinished-*")), "nothing that was begun is left"
+
+
+MODE = re.compile(r"[rwxa][bt+]{0,2}")
+OTHERS = ("_writer", "arguments", "av", "layer", "library", "tarfile", "uploads", "webbrowser", "zipfile")
+"""Whose `open` is of no text file."""
+
+
+def opens_text_without_encoding(call: ast.Call) -> bool:
+    """Whether a call opens, reads or writes text in the encoding of whichever system it runs on."""
+    function = call.func
+    name = function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
+    given = {keyword.arg: keyword.value for keyword in call.keywords}
+    if "encoding" in given:
+        return False
+    if isinstance(function, ast.Attribute) and name in ("read_text", "write_text"):
+        return len(call.args) < (1 if name == "read_text" else 2)
+    if {"text", "universal_newlines"} & set(given):
+        return name in ("run", "Popen", "check_output", "call", "check_call")
+    if name not in ("open", "fdopen"):
+        return False
+    constants = [node.value for node in (*call.args, given.get("mode")) if isinstance(node, ast.Constant)]
+    modes = [value for value in constants if isinstance(value, str) and MODE.fullmatch(value)]
+    owner = function.value if isinstance(function, ast.Attribute) else None
+    if (owner.attr if isinstance(owner, ast.Attribute) else getattr(owner, "id", "")) in OTHERS:
+        return False
+    if modes or owner is None:
+        return not any("b" in mode for mode in modes)
+    return not call.args and not given
+
+
+@pytest.mark.parametrize(
+    ("text", "wrong"),
+    [
+        ("open(path)", True),
+        ("path.open()", True),
+        ("path.open('w')", True),
+        ("path.read_text()", True),
+        ("path.write_text(text)", True),
+        ("subprocess.run(words, text=True)", True),
+        ("open(path, 'rb')", False),
+        ("path.open('r+b')", False),
+        ("path.read_text('utf-8')", False),
+        ("path.open('w', encoding='utf-8')", False),
+        ("layer.open()", False),
+    ],
+)
+def test_the_rule_of_encodings_sees_what_it_is_to_see(text: str, wrong: bool) -> None:
+    assert opens_text_without_encoding(ast.parse(text, mode="eval").body) is wrong  # type: ignore[arg-type]
+
+
+def test_no_text_depends_on_the_encoding_of_a_system_and_no_process_is_forked() -> None:
+    calls = [(path, node) for path in SOURCES for node in ast.walk(tree_of(path)) if isinstance(node, ast.Call)]
+    found = [f"{name_of(path)}:{call.lineno}" for path, call in calls if opens_text_without_encoding(call)]
+    assert not found
+    # Windows opens no NamedTemporaryFile a second time, and a fork copies locks that other threads hold
+    forbidden = ("NamedTemporaryFile", "fork", "Pool", "ProcessPoolExecutor")
+    names = [(path, call, ast.unparse(call.func).rpartition(".")[2]) for path, call in calls]
+    assert not [f"{name_of(path)}:{call.lineno}" for path, call, name in names if name in forbidden]
+    contexts = [ast.unparse(call) for path, call, name in names if name == "get_context"]
+    assert contexts and all("'spawn'" in context for context in contexts)

@@ -15,9 +15,7 @@ from typing import Final, Literal
 from app.cli.arguments import DATA, Numbers, PositiveFloat, PositiveInt, flag, given, positional
 from app.cli.backend_arguments import BackendArguments
 from app.cli.progress import Progress, progress_bar
-from app.cli.quiet_viser import silence_viser
-from app.cli.tables import format_row, format_table
-from app.cli.terminal import say
+from app.cli.terminal import format_row, format_table, say, silence_viser
 from core.errors import CommandError
 
 BENCHES = {
@@ -25,6 +23,7 @@ BENCHES = {
     "detection": "detection.bench_detection",
     "drawn-scenes": "detection.bench_drawn_scenes",
     "planet": "detection.bench_planet",
+    "rivals": "detection.bench_rivals",
     "slow-receptors": "detection.bench_slow_receptors",
     "simulation": "simulation.bench_simulation",
     "cameras": "perception.bench_cameras",
@@ -47,8 +46,8 @@ CHECKOUT: Final = Path(__file__).parents[2]
 
 
 OPTIONS = (
-    "count", "folder", "report", "chain", "balls", "speeds", "physics", "only", "recorded", "data", "annotator", "soak",
-    "rig", "cameras",
+    "count", "trials", "folder", "report", "chain", "balls", "speeds", "physics", "only", "recorded", "data",
+    "annotator", "soak", "rig", "cameras",
 )  # fmt: skip
 """That only some of them have."""
 
@@ -59,12 +58,14 @@ class BenchArguments:
 
     name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
     count: PositiveInt | None = flag(
-        "balls of points alone (outcomes), flights (drawn-scenes, slow-receptors), seeds (paper-perception, rig), "
+        "balls of points alone (outcomes), flights (drawn-scenes, slow-receptors; of each kind: rivals), "
+        "seeds (paper-perception, rig), "
         "seeds of everything that is compared (learning), serves of each scene and speed (cameras)",
         "N",
     )
+    trials: PositiveInt | None = flag("of tuning, for each method (rivals)", "N", "24")
     folder: Path | None = flag(
-        "what is measured is kept here (learning, drawn-scenes, paper-perception, outcomes, robustness)"
+        "what is measured is kept here (learning, drawn-scenes, rivals, paper-perception, outcomes, robustness)"
     )
     report: Path | None = flag("the page, for a bench that writes one", "FILE.md")
     chain: Literal["filter", "fit", "paper", "auto", "known"] | None = flag(
@@ -98,17 +99,7 @@ class BenchArguments:
 
 def run(arguments: BenchArguments) -> None:
     """Run the module of the name and print what it returns: "rows", "machine" and what else it has."""
-    module = BENCHES[arguments.name]
-    if arguments.recorded is not None:
-        module = OWN_RECORDINGS.get(arguments.name, module)
-    measure: Callable[..., dict[str, object]] = load_bench(module).run
-    options: dict[str, object] = given({name: getattr(arguments, name) for name in OPTIONS})
-    taken = inspect.signature(measure).parameters.keys()
-    asked = given({"jobs": arguments.engine.jobs, "cluster": arguments.engine.cluster})
-    for name in [*(options.keys() - taken), *([] if "engine" in taken else asked)]:
-        raise CommandError(f"`bench {arguments.name}` has no such option", got=f"--{name}")
-    if asked:
-        options["engine"] = arguments.engine.engine()
+    measure, options = requested_bench(arguments)
     silence_viser()
     with progress_bar(f"Measuring {arguments.name}") as progress:
         report = measure(_RowPrinter(progress), **options)
@@ -120,6 +111,26 @@ def run(arguments: BenchArguments) -> None:
     say(format_table(rows))
     for name, value in report.items():
         say(f"{name}: {value if isinstance(value, str) else json.dumps(value)}")
+
+
+def requested_bench(arguments: BenchArguments) -> tuple[Callable[..., dict[str, object]], dict[str, object]]:
+    """What measures, and the options that are given to it.
+
+    Raises:
+        CommandError: where there are no benchmarks, or this one has no such option.
+    """
+    name = BENCHES[arguments.name]
+    if arguments.recorded is not None:
+        name = OWN_RECORDINGS.get(arguments.name, name)
+    module = load_from_checkout(name)
+    options: dict[str, object] = given({name: getattr(arguments, name) for name in OPTIONS})
+    taken = inspect.signature(module.run).parameters.keys()
+    asked = given({"jobs": arguments.engine.jobs, "cluster": arguments.engine.cluster})
+    for option in [*(options.keys() - taken), *([] if "engine" in taken else asked)]:
+        raise CommandError(f"`bench {arguments.name}` has no such option", got=f"--{option}")
+    if asked:
+        options["engine"] = arguments.engine.engine()
+    return module.run, options
 
 
 class _RowPrinter:
@@ -136,7 +147,7 @@ class _RowPrinter:
         self._progress.say(format_row(row))
 
 
-def load_bench(module: str) -> ModuleType:
+def load_from_checkout(module: str) -> ModuleType:
     """A module of the folder benchmarks/ beside the packages; it is part of a checkout, not of an installation.
 
     Raises:
@@ -144,9 +155,9 @@ def load_bench(module: str) -> ModuleType:
     """
     if not (CHECKOUT / "benchmarks" / "__init__.py").is_file():
         raise CommandError(
-            "the benchmarks are not installed with the package",
+            "benchmarks, and the training of detectors, are not installed with the package",
             expected=f"the folder benchmarks/ of a checkout of the source in {CHECKOUT}",
-            remedy="clone the repository, `pip install -e '.[bench]'` there, and run `rallyscope bench` from it",
+            remedy="clone the repository, `pip install -e '.[bench]'` there, and run the command from it",
         )
     if str(CHECKOUT) not in sys.path:  # an editable installation finds the packages alone
         sys.path.append(str(CHECKOUT))

@@ -11,9 +11,9 @@ from pathlib import Path
 from app.cli.arguments import DATA, PositiveInt, flag, one_of, positional
 from app.cli.detector_arguments import MethodArguments
 from app.cli.progress import Progress, progress_bar
-from app.cli.quiet_viser import silence_viser
-from app.cli.terminal import say
-from app.export.formats import FORMATS, ExportRequest, export, is_run
+from app.cli.terminal import say, silence_viser
+from app.export.formats import FORMATS, ExportRequest, export, is_run, time_note
+from app.export.selection import span_of
 from core.chain import ChainConfig
 from core.errors import CommandError
 from core.recordings import open_recording
@@ -45,17 +45,21 @@ def run(arguments: ExportArguments) -> None:
     silence_viser()
     started_s = time.perf_counter()
     with progress_bar(f"Exporting {destination.name}") as progress:
-        files = _export(arguments, progress)
+        files, note = _export(arguments, progress)
     seconds = time.perf_counter() - started_s
     if arguments.json:
         made = [{"path": str(path), "bytes": path.stat().st_size} for path in files]
-        say(json.dumps({"format": name, "files": made, "seconds": round(seconds, 3)}))
+        times = {"times": note} if note else {}
+        say(json.dumps({"format": name, "files": made, "seconds": round(seconds, 3), **times}))
         return
     for path in files:
         say(f"{path}: {path.stat().st_size / 1e6:.1f} MB")
+    if note:
+        say(note)
 
 
-def _export(arguments: ExportArguments, progress: Progress) -> tuple[Path, ...]:
+def _export(arguments: ExportArguments, progress: Progress) -> tuple[tuple[Path, ...], str]:
+    """The files, and how their times relate to the recording's, if they differ."""
     name, destination = arguments.to
     order = ExportRequest(
         format=name,
@@ -69,10 +73,11 @@ def _export(arguments: ExportArguments, progress: Progress) -> tuple[Path, ...]:
         policy="best" if arguments.best else "last",
     )
     if is_run(arguments.source):
-        return export(order, run=arguments.source, progress=progress)
+        return export(order, run=arguments.source, progress=progress), ""
     with closing(open_recording(arguments.source)) as recording:
         labels = _labels(arguments.data / "labels", recording.uuid, arguments.annotator)
-        return export(order, recording=recording, groups=recording.read_rows, labels=labels, progress=progress)
+        made = export(order, recording=recording, groups=recording.read_rows, labels=labels, progress=progress)
+        return made, time_note(name, recording, span_of(recording, arguments.start_us, arguments.end_us))
 
 
 def _labels(folder: Path, uuid: str, annotator: str | None) -> dict[str, LabelArrays]:

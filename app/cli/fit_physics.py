@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from app.cli.arguments import flag, positional
+from app.cli.files import check_folder, write_text
 from app.cli.progress import progress_bar
-from app.cli.tables import format_table
-from app.cli.terminal import print_lines, say
+from app.cli.terminal import format_table, print_lines, say
 from core.errors import CommandError
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ class FitPhysicsArguments:
     magnus: float = flag("Magnus coefficient, which flights do not fix", "CM", 0.10)
     samples: int = flag("bootstrap samples for the spread", "N", 20)
     seed: int = flag("of the split into fit and test", "N", 0)
+    out: Path | None = flag("write the figures there (JSON), for `--constants` of other verbs", "FILE")
     json: bool = flag("print the figures as JSON")
 
 
@@ -46,6 +47,8 @@ def run(arguments: FitPhysicsArguments) -> None:
         raise CommandError(
             "not enough flights", expected="4 or more: some are kept for the test", got=len(arguments.flights)
         )
+    if arguments.out is not None:
+        check_folder(arguments.out)
     from core.metrics.flight_predictions import compare_models, compare_predictors
     from core.physics.fit_flights import bootstrap, fit_physics, read_flight_file
 
@@ -65,18 +68,20 @@ def run(arguments: FitPhysicsArguments) -> None:
         "restitution": {"value": fitted.restitution, "sigma": spread.restitution},
         "friction": {"value": fitted.friction, "sigma": spread.friction},
     }
+    spins = np.linalg.norm(fitted.starts[:, 6:], axis=1)
+    report = {
+        **constants,
+        "magnus_coefficient": fitted.magnus_coefficient,
+        "residual_m": {"rms": fitted.rms_m, "median": fitted.median_m},
+        "spins_radps": {flight.name: float(spin) for flight, spin in zip(fit, spins, strict=True)},
+        "test": [{"model": name, **asdict(row)} for name, row in errors.items()],
+        "predictors": [{"method": name, **asdict(row)} for name, row in predictors.items()],
+        "flights": {"fit": len(fit), "test": len(test)},
+        "taken_for": {flight.name: [points.taken_for, *points.notes] for flight, points in read},
+    }
+    if arguments.out is not None:
+        write_text(arguments.out, json.dumps(report, indent=1) + "\n")
     if arguments.json:
-        spins = np.linalg.norm(fitted.starts[:, 6:], axis=1)
-        report = {
-            **constants,
-            "magnus_coefficient": fitted.magnus_coefficient,
-            "residual_m": {"rms": fitted.rms_m, "median": fitted.median_m},
-            "spins_radps": {flight.name: float(spin) for flight, spin in zip(fit, spins, strict=True)},
-            "test": [{"model": name, **asdict(row)} for name, row in errors.items()],
-            "predictors": [{"method": name, **asdict(row)} for name, row in predictors.items()],
-            "flights": {"fit": len(fit), "test": len(test)},
-            "taken_for": {flight.name: [points.taken_for, *points.notes] for flight, points in read},
-        }
         say(json.dumps(report))
         return
     print_lines(f"{flight.name}: {'; '.join([points.taken_for, *points.notes])}" for flight, points in read)

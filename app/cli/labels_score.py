@@ -20,13 +20,14 @@ from core.detection.methods import Method
 from core.errors import CommandError
 from core.jobs import TaskControl, open_jobs
 from core.metrics import WindowAnswers
+from core.metrics.at_times import answers_at
 from core.metrics.run import TimedDetector, one_opencv_thread
 from core.recordings import open_recording
 from labels.agreement import Agreement, measure_agreement
 from labels.arrays import STATES, LabelArrays
 from labels.formats.exchange import write_text
 from labels.model import LabelState
-from labels.score import GroupScore, InTime, answers_at, answers_in_time, pooled, score_groups
+from labels.score import GroupScore, InTime, answers_in_time, pooled, score_groups
 from labels.score_picture import measure_curves, score_svg
 from labels.store import LabelStore, Layer, has_labels
 
@@ -141,8 +142,8 @@ def _lines_in_time(pieces: Sequence[LabelledRecording], answers: Sequence[LabelA
         return []
     lines = []
     for title, each in (
-        ("held where they were", [(one.held, asked) for one, asked in found]),
-        ("moved on by the ball's velocity", [(one.moved, asked) for one, asked in found]),
+        ("as given", [(one.held, asked) for one, asked in found]),
+        ("extrapolated with the ball's velocity", [(one.moved, asked) for one, asked in found]),
     ):
         delays_ms = " and ".join(sorted({f"{1e-3 * one.delay_us:.2f}" for one, _ in found}))
         lines += [
@@ -228,8 +229,8 @@ def _score_table(scores: tuple[GroupScore, ...]) -> list[str]:
 
 def _noise_line(noise: Agreement | None) -> str:
     if noise is None or not noise.both_seen:
-        return "the annotator's own noise is not known: no blind repeats yet"
+        return "annotator noise: not measured, no blind repeats yet"
     hand = noise.by_hand
     if not hand.pairs:
-        return f"the annotator's own noise is not known: none of {noise.both_seen} blind repeats was by hand both times"
-    return f"the annotator's own noise: median {hand.median_px:.2f} px, p95 {hand.p95_px:.2f} px between two looks"
+        return f"annotator noise: not measured, none of {noise.both_seen} blind repeats was by hand both times"
+    return f"annotator noise: median {hand.median_px:.2f} px, p95 {hand.p95_px:.2f} px between two looks"

@@ -16,6 +16,7 @@ from typing import NoReturn
 from app.cli.arguments import Parser, add_verb, arguments_of, name_the_flag
 from app.cli.terminal import PlainFormatter, output_was_lost, prepare_streams, say
 from core.errors import CommandError, ConfigError, RallyscopeError
+from core.extras import missing_package
 from core.registry import use_plugins
 
 VERBS = {
@@ -75,7 +76,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except Exception:  # noqa: BLE001 (the last resort: it is shown whole, and called a bug)
+    except Exception as error:  # noqa: BLE001 (the last resort: it is shown whole, and called a bug)
+        if (missing := missing_package(error)) is not None:
+            say(f"rallyscope: {missing}", error=True)
+            return 2
         say(traceback.format_exc().rstrip(), error=True)
         say("rallyscope: this is a bug; the lines above say where", error=True)
         return 1

@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.cli.arguments import flag, positional, setting_flag
+from app.cli.constants import CONSTANTS_HELP, given_constants
 from app.cli.files import check_folder, write_text
 from app.cli.terminal import print_lines, say
+from core.chain.config import fitted_filter
 from core.errors import CommandError
 from core.physics.config import Profile
 from core.physics.points_file import PointsFile, read_points_file
@@ -45,6 +47,7 @@ class PredictArguments:
         "how balls fly and bounce: as simulated after the paper, or as measured on real flights "
         "(default: the filter finds out, the paper's method takes the paper's)"
     )
+    constants: Path | None = flag(CONSTANTS_HELP, "FILE")
     hit_x: float = setting_flag(PaperPredictorConfig, "hit_x_m", "M")
     out: Path = flag("where the prediction goes", "JSON")
     json: bool = flag("print a summary as JSON")
@@ -55,6 +58,7 @@ def run(arguments: PredictArguments) -> None:
     if not (math.isfinite(arguments.observe_ms) and arguments.observe_ms > 0):
         raise CommandError("nothing would be seen", expected="above 0", got=arguments.observe_ms, where="--observe-ms")
     check_folder(arguments.out)
+    constants = given_constants(arguments.constants, arguments.physics, arguments.method)
     paper = predictor_for(arguments.physics or "paper", hit_x_m=arguments.hit_x)
     points = read_points_file(arguments.points)
     t_s, ps_m = points.t_s, points.ps_m
@@ -62,6 +66,7 @@ def run(arguments: PredictArguments) -> None:
     if arguments.method == "filter":
         config = filter_for(arguments.physics or "paper")
         config = dataclasses.replace(config, perhaps_real=arguments.physics is None)
+        config = config if constants is None else fitted_filter(config, constants)
         predictor = FilterPredictor(config, hit_x_m=paper.hit_x_m)
         needed = f"points over {config.least_seen_ms:g} ms"
     else:

@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from app.cli.arguments import DATA, flag, positional
+from app.cli.constants import CONSTANTS_OF_BALL, given_constants
 from app.cli.ending import end_event
 from app.cli.event_cameras import CAMERA, CameraArguments, CameraOrder, open_camera_source, read_camera_order
 from app.cli.progress import progress_bar
-from app.cli.quiet_viser import silence_viser
 from app.cli.replay import REPLAY, ReplayOrder, open_replay, read_replay
-from app.cli.terminal import say
+from app.cli.terminal import say, silence_viser
 from app.export.viewer_streamer import check_viewer_address
 from app.shared.job_backends import JobBackends
 from app.shared.library import Library
@@ -59,6 +59,7 @@ class ServeArguments:
         "of a live simulation of its own; with --robot, the rubber that the built-in controller assumes",
         default="paper",
     )
+    constants: Path | None = flag(f"{CONSTANTS_OF_BALL}: of the live simulation's ball, and of every filter", "FILE")
     ball_states: tuple[Path, ...] | None = flag("it serves recorded balls (JSON), by default in `real`", "FILE")
     host: str = flag("address to listen on; the default is this machine only", default="127.0.0.1")
     port: int = flag("port to listen on", default=8080)
@@ -85,6 +86,7 @@ def run(arguments: ServeArguments) -> None:
     """Serve until interrupted."""
     discover_plugins()  # what is wrong with one is said here, and not to a browser
     source = _check_source(arguments.source, arguments.recording)
+    constants = given_constants(arguments.constants, arguments.physics)
     replay = read_replay(source) if source is not None else None
     order = read_camera_order(source, arguments.cameras)
     keys = read_keys(arguments.keys, source)
@@ -133,6 +135,7 @@ def run(arguments: ServeArguments) -> None:
             viewer_address=arguments.rerun,
             places=places,
             prediction=arguments.prediction,
+            constants=constants,
         )
         if startup is not None:
             startup.hand_over(lab.use_live)
@@ -290,6 +293,8 @@ def own_simulation(arguments: ServeArguments, source: str | None) -> list[str]:
     """
     physics = None if rally_physics(arguments, source) is not None else arguments.physics
     extra: list[str] = [] if physics is None else ["--physics", physics]
+    if arguments.constants is not None and source == LIVE:
+        extra += ["--constants", str(arguments.constants)]
     if arguments.ball_states is not None:
         from core.physics.ball_states import read_ball_states
 

@@ -9,8 +9,9 @@ from pathlib import Path
 
 from app.cli.arguments import flag, setting_flag
 from app.cli.cameras import Sensor, named_cameras
+from app.cli.constants import CONSTANTS_HELP, given_constants
 from app.cli.ending import end_event
-from app.cli.scenes import SceneArguments
+from app.cli.simulate import SceneArguments
 from app.cli.terminal import say
 from core.cameras.presets import SENSOR_720
 from core.errors import CommandError
@@ -44,6 +45,7 @@ class SimServerArguments:
     scene: SceneArguments
     noise_hz: float = setting_flag(SensorConfig, "noise_hz", "HZ")
     physics: Profile | None = flag("flight of the ball", default="paper; real with --ball-states")
+    constants: Path | None = flag(CONSTANTS_HELP, "FILE")
     ball_states: tuple[Path, ...] | None = flag("serve recorded balls (JSON), not drawn ones", "FILE")
     auto_serve: float = setting_flag(ServerConfig, "auto_serve_mps", "MPS")
     until_eof: bool = flag("end when standard input ends, as a child process should")
@@ -61,7 +63,8 @@ def run(arguments: SimServerArguments) -> None:
         raise CommandError("no such seed", expected="a whole number from 0", got=arguments.seed, where="--seed")
     if arguments.auto_serve and not 3 <= arguments.auto_serve <= 9:
         raise CommandError("no such serve", expected="3 to 9 m/s", got=arguments.auto_serve, where="--auto-serve")
-    task = task_profile(arguments.physics or ("real" if arguments.ball_states else "paper"))
+    constants = given_constants(arguments.constants, arguments.physics)
+    task = task_profile(arguments.physics or ("real" if arguments.ball_states else "paper"), constants)
     recorded = None
     if arguments.ball_states:
         recorded = RecordedServes(join_serves([read_ball_states(path) for path in arguments.ball_states]), task)

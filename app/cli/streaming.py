@@ -76,11 +76,11 @@ def say_streaming(summary: Summary) -> None:
     """Two lines of such a summary."""
     delay, held, moved = summary["delay_us"], summary.get("held"), summary.get("moved")
     assert isinstance(delay, dict)
-    say(f"in time: delay median {delay['median_us']}, p99 {delay['p99_us']}, worst {delay['worst_us']} us")
+    say(f"live: delay median {delay['median_us']}, p99 {delay['p99_us']}, worst {delay['worst_us']} us")
     if isinstance(held, dict) and isinstance(moved, dict):
         say(
             f"  newest answer {summary['age_median_us']} us old and {summary['held_median_px']} px off, "
-            f"{summary['moved_median_px']} px moved on by its velocity (medians); recall {held['recall']} / "
+            f"{summary['moved_median_px']} px extrapolated with its velocity (medians); recall {held['recall']} / "
             f"{moved['recall']}; "
             f"younger than {FRESH_US // 1000} ms for {summary['fresh']} of the time with a ball"
         )

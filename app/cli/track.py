@@ -12,17 +12,19 @@ from numpy.typing import NDArray
 
 from app.cli.arguments import flag, positional
 from app.cli.backend_arguments import SharedBackendArguments
+from app.cli.constants import CONSTANTS_OF_BALL, given_constants
 from app.cli.detector_arguments import DetectorArguments
 from app.cli.files import csv_text
 from app.cli.tabulate import RecordingTable, Summary, tabulate
 from app.cli.terminal import say
 from core.chain import ChainConfig
 from core.chain.calibration_drift import DriftReport
-from core.chain.config import PREDICTIONS, PredictionName, with_prediction
+from core.chain.config import PREDICTIONS, PredictionName, chain_with_constants, with_prediction
 from core.chain.follow import Track, follow_recording, true_positions
 from core.detection import DetectorConfig
 from core.detection.methods import Method
 from core.jobs import TaskControl
+from core.physics.constants_file import FittedConstants
 from core.recordings import BallTruth, open_recording
 
 
@@ -38,6 +40,7 @@ class TrackArguments:
         "filter",
         choices=PREDICTIONS,
     )
+    constants: Path | None = flag(CONSTANTS_OF_BALL, "FILE")
     out: Path = flag(
         "columns t_us,x_m,y_m,z_m (world) and cameras (of which a point is made, joined by +); of several recordings a "
         "folder with a CSV of each",
@@ -49,7 +52,8 @@ class TrackArguments:
 
 def run(arguments: TrackArguments) -> None:
     """Track, write, and say what came out."""
-    work = TrackRecording(*arguments.detector.settings(), arguments.prediction)
+    constants = given_constants(arguments.constants, prediction=arguments.prediction)
+    work = TrackRecording(*arguments.detector.settings(), arguments.prediction, constants)
     tabulate(arguments.recordings, arguments.out, work, arguments.engine, "Tracking", arguments.json, _say)
 
 
@@ -61,10 +65,13 @@ class TrackRecording:
     detector: DetectorConfig
     window_us: int
     prediction: PredictionName = "filter"
+    constants: FittedConstants | None = None
+    """Fitted air and table; None: they are learned."""
 
     def __call__(self, path: Path, control: TaskControl) -> RecordingTable:
         """Track."""
         config = with_prediction(ChainConfig.of_method(self.method, self.detector), self.prediction)
+        config = config if self.constants is None else chain_with_constants(config, self.constants)
         with closing(open_recording(path)) as recording:
             track = follow_recording(recording, config, self.window_us, progress=control)
             truth, names = recording.ball, tuple(recording.cameras)

@@ -10,12 +10,14 @@ from typing import Literal
 
 from app.cli.arguments import Counts, Numbers, PositiveInt, flag, given, setting_flag
 from app.cli.backend_arguments import SharedBackendArguments
+from app.cli.constants import CONSTANTS_HELP, given_constants
 from app.cli.ending import end_event
 from app.cli.episode_backends import open_backend
 from app.cli.progress import progress_bar
 from app.cli.terminal import say
 from core.config import load_config
 from core.errors import CommandError
+from core.extras import require_package
 from core.jobs import ALONE, JobBackend
 from core.learning.config import (
     AgentName,
@@ -79,6 +81,7 @@ class NewRunArguments:
         EnvironmentConfig, "outcomes", what="who says what came of a stroke; `events` goes with states from events"
     )
     physics: Profile | None = flag("how balls fly and bounce", default="paper")
+    constants: Path | None = flag(CONSTANTS_HELP, "FILE")
     serves: Literal["standard", "hard"] | None = flag("which balls come", default="standard")
 
 
@@ -100,6 +103,7 @@ class TrainArguments:
 
 def run(arguments: TrainArguments) -> None:
     """Train until the end, or until interrupted: then the run can be resumed."""
+    require_package("torch", "training")
     folder, engine = arguments.out, _engine(arguments)
     if arguments.resume:
         if options := given(dataclasses.asdict(arguments.new)):
@@ -149,9 +153,10 @@ def requested_run(arguments: NewRunArguments) -> RunConfig:
         source = "truth"  # the paper's prediction knows of neither
     state_source = arguments.state_source or source
     other_balls = balls != "serves" and not arguments.config
-    if arguments.physics or arguments.serves or other_balls:
+    constants = given_constants(arguments.constants, arguments.physics)
+    if arguments.physics or arguments.serves or other_balls or constants:
         physics, serves = arguments.physics or ("real" if other_balls else "paper"), arguments.serves or "standard"
-        environment = environment_profile(physics, serves=serves, state_source=state_source)
+        environment = environment_profile(physics, serves=serves, state_source=state_source, constants=constants)
     if balls == "spinning":
         environment = spinning_environment(environment)
     if recorded and (arguments.speeds or arguments.serves):

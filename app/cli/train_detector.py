@@ -1,4 +1,7 @@
-"""`rallyscope train-detector yolo`: train the detector that looks at pictures, score it and write its weights."""
+"""`rallyscope train-detector yolo`: train the detector that looks at pictures, score it and write its weights.
+
+The training itself is in the folder benchmarks/ of a checkout: who only uses a detector does not need it.
+"""
 
 from __future__ import annotations
 
@@ -10,14 +13,15 @@ from pathlib import Path
 from typing import Literal
 
 from app.cli.arguments import PositiveInt, flag, given, positional, setting_flag
+from app.cli.bench import load_from_checkout
 from app.cli.ending import end_event
 from app.cli.files import check_folder
 from app.cli.progress import progress_bar
 from app.cli.terminal import say
 from core.config import load_config
-from core.detection.yolo.config import YoloConfig
+from core.detection.yolo.config import DetectorTrainingConfig, Precision, YoloConfig
 from core.errors import CommandError
-from core.learning.detector_training.config import DetectorTrainingConfig, Precision
+from core.extras import require_package
 
 
 def input_size(text: str) -> tuple[int, int]:
@@ -55,6 +59,7 @@ class TrainDetectorArguments:
 
 def run(arguments: TrainDetectorArguments) -> None:
     """Train until the end, or until interrupted: then the same command goes on."""
+    require_package("torch", "training a detector")
     config = requested_training(arguments)
     check_folder(arguments.out)
     if arguments.out.exists() and not arguments.force:
@@ -62,8 +67,8 @@ def run(arguments: TrainDetectorArguments) -> None:
     if arguments.data is not None and not arguments.data.is_dir():
         raise CommandError("no such folder", got=arguments.data, where="--data")
     from core.detection.yolo.weights import MIN_RECALL, load_weights  # late: torch takes a second
-    from core.learning.detector_training.run import train_detector
 
+    train_detector = load_from_checkout("detector_training.run").train_detector
     ended = end_event()
     with progress_bar("Training yolo") as progress:
         score = train_detector(

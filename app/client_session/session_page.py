@@ -14,6 +14,7 @@ from app.state.browser_memory import BrowserMemory, Remembered
 from app.state.client_state import MODES, ClientState, Configs, History, Playhead, TuneView
 from app.state.commands import Command, SetMode
 from app.web.pages import Message, PageConnection, Pages
+from app.web.uploads import Purpose
 from core.detection import DetectorConfig
 from core.detection.methods import DEFAULT_METHOD
 from core.detection.saved import SavedDetector
@@ -32,6 +33,11 @@ class FrameThrottle:
     def hear(self, message: Message) -> None:
         """Read the page's report of its renderer."""
         self._by_software = message.get("software") is True
+
+    @property
+    def by_software(self) -> bool:
+        """Whether the page is rendered on the CPU."""
+        return self._by_software
 
     def hurry(self) -> None:
         """Draw the next frame at once, for a user's action; called from any thread."""
@@ -96,10 +102,10 @@ class SessionPage:
         """Call `listener` in the loop with every message of this kind. Nothing in a message is trusted."""
         self._listeners[kind] = listener
 
-    def receive(self, take: Callable[[Path], None]) -> None:
-        """Pass uploaded files to `take`, in the server's event loop; `take` owns them."""
+    def receive(self, take: Callable[[Path], None], purpose: Purpose = "recording") -> None:
+        """Pass files uploaded for a purpose to `take`, in the server's event loop; `take` owns them."""
         if self._visit.page:
-            self._pages.uploads.open(self._visit.page, take)
+            self._pages.uploads.open(self._visit.page, take, purpose)
 
     def send(self, kind: str, values: Message) -> None:
         """Send a message to the page; only the latest of each kind is kept."""

@@ -10,13 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import h5py
 import numpy as np
-import pyarrow as pa
 from numpy.typing import NDArray
-from pyarrow import csv
 
 from app.export.selection import Span
 from app.export.unfinished import Cancelled, Progress, check_cancelled, unfinished_folder
@@ -25,6 +23,9 @@ from core.events import Events
 from core.recordings import CameraStream, Recording
 from core.recordings.evt3_encoder import LARGEST_PX, Evt3Encoder, evt3_header
 from core.recordings.layout import BALL_GROUP, Rows, truth_group
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 SLICE_US: Final = 100_000
 
@@ -124,6 +125,9 @@ def _flat(columns: Iterable[tuple[str, NDArray]]) -> Iterator[tuple[str, NDArray
 
 
 def _write(path: Path, parts: Iterable[Columns]) -> None:
+    import pyarrow as pa  # late, as all of pyarrow here: it may not be installed, and other formats need none
+    from pyarrow import csv
+
     options = csv.WriteOptions(include_header=False, quoting_style="none")  # its header would have quotes
     with path.open("wb") as file:
         for number, columns in enumerate(parts):
@@ -133,6 +137,8 @@ def _write(path: Path, parts: Iterable[Columns]) -> None:
 
 
 def _arrow(column: NDArray) -> pa.Array:
+    import pyarrow as pa
+
     if column.dtype.kind == "S":
         return pa.array([text.decode(errors="replace").replace(",", " ") for text in column.tolist()], pa.string())
     return pa.array(np.ascontiguousarray(column))

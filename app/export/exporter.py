@@ -65,11 +65,13 @@ class Exporter:
         self._job: Job[tuple[Path, ...]] | None = None
         self._name = ""
         self._started_s = self._ended_s = 0.0
-        self._message = ""
+        self._message = self._note = ""
         self._failed = False
 
-    def start(self, stem: str, suffix: str, work: Work) -> str:
+    def start(self, stem: str, suffix: str, work: Work, note: Callable[[], str] = lambda: "") -> str:
         """Start an export; returns the free name, made of `stem`, of its file (or folder, without a suffix).
+
+        `note` is called in the thread of the export, for a sentence that stands behind the result.
 
         Raises:
             CommandError: if another export runs.
@@ -84,6 +86,7 @@ class Exporter:
 
             def run(progress: Progress, cancelled: Cancelled) -> tuple[Path, ...]:
                 try:
+                    self._note = note()  # first: a live rally forgets
                     return work(path, progress, cancelled)
                 finally:
                     os.close(claim)
@@ -144,6 +147,8 @@ class Exporter:
     def _done(self, files: tuple[Path, ...]) -> None:
         size = sum(path.stat().st_size for path in files)
         self._ended_s, self._message = time.monotonic(), f"{self._name}: {size_text(size)}"
+        if self._note:
+            self._message += f". {self._note}"
 
     def _went_wrong(self, error: Exception) -> None:
         if not isinstance(error, RallyscopeError | ExportCancelledError):

@@ -11,6 +11,7 @@ from app.export.selection import DEFAULT_STRIDE_US, Span, span_of
 from app.export.unfinished import Cancelled, Progress
 from core.chain import ChainConfig
 from core.errors import CommandError, PluginError
+from core.extras import require_package
 from core.recordings import Recording
 from core.recordings.layout import Rows
 from core.registry import Registry
@@ -173,10 +174,37 @@ def export(
     return chosen.export_run(RunTask(order, run, progress, cancelled))
 
 
+COUNTED_FROM: Final[Mapping[str, str]] = {"evt3": "", "dsec": ", as their t_offset says"}
+"""Formats whose times count from the start of the exported part, and where the files say so."""
+LOOK_US: Final = 100_000
+
+
+def time_note(format_name: str, recording: Recording, span: Span) -> str:
+    """How times in the exported files relate to the recording's; empty for formats that keep them."""
+    if format_name not in COUNTED_FROM:
+        return ""
+    counted = f"Times in the files count from {span.start_us} us of the recording{COUNTED_FROM[format_name]}."
+    first_us = _first_event_us(recording, span)
+    if first_us is None:
+        return counted
+    return f"{counted} Imported again, time 0 is the first event: add {first_us} us to get the recording's times."
+
+
+def _first_event_us(recording: Recording, span: Span) -> int | None:
+    """Time of the first event of all cameras in a part of a recording; None if it has none."""
+    for start_us in range(span.start_us, span.end_us, LOOK_US):
+        parts = [one.slice(start_us, min(start_us + LOOK_US, span.end_us)) for one in recording.cameras.values()]
+        firsts = [int(events.t_us[0]) for events in parts if len(events)]
+        if firsts:
+            return min(firsts)
+    return None
+
+
 # Formats are imported on first use: each has its own dependencies.
 
 
 def _rrd(task: ExportTask) -> tuple[Path, ...]:
+    require_package("rerun", "a Rerun recording")
     from app.export.rrd.recording import RrdContents, export_rrd
 
     order = task.order
@@ -196,6 +224,7 @@ def _rrd(task: ExportTask) -> tuple[Path, ...]:
 
 
 def _csv(task: ExportTask) -> tuple[Path, ...]:
+    require_package("pyarrow", "an export of tables")
     from app.export.events import export_csv
 
     return export_csv(
@@ -293,6 +322,7 @@ def _film_of_run(task: RunTask) -> tuple[Path, ...]:
 
 
 def _rrd_of_run(task: RunTask) -> tuple[Path, ...]:
+    require_package("rerun", "a Rerun recording")
     from app.export.rrd.run import export_run
 
     made = export_run(
@@ -314,11 +344,11 @@ register_exporter(
     what="the 3D scene with playback for viser's own player",
 )  # fmt: skip
 register_exporter(
-    "mp4", _film, "Film with both cameras, drawn here (.mp4)", ".mp4", export_run=_film_of_run, computed=True,
+    "mp4", _film, "Film with both cameras, drawn by the server (.mp4)", ".mp4", export_run=_film_of_run, computed=True,
     what="a film: 3D drawing and event pictures; of a training run every 10th ball",
 )  # fmt: skip
 register_exporter(
-    "png", _still, "Picture with both cameras, of the end (.png)", ".png", computed=True,
+    "png", _still, "Picture with both cameras, at the end of the part (.png)", ".png", computed=True,
     what="a picture of the end of the part: 3D drawing and event pictures",
 )  # fmt: skip
 register_exporter("dsec", _dsec, "DSEC (HDF5 per camera)", what="event files in DSEC's HDF5 layout, one per camera")

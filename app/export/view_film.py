@@ -14,6 +14,7 @@ from PIL import Image
 from app.export.selection import Span
 from app.export.unfinished import Cancelled, Progress, check_cancelled, unfinished_file
 from core.errors import CommandError
+from core.extras import require_package
 
 MAX_FRAMES: Final = 20_000
 """Most frames of a film; a browser draws about ten a second."""
@@ -69,6 +70,7 @@ def export_view_film(
         CommandError: if it is too long, exists already, or cannot be written, and whatever `picture_at` raises.
         ExportCancelledError: if `cancelled()` is true. There is no file then, as after every error.
     """
+    require_package("av", "a film")
     from app.export.film_file import film_file  # the encoder is loaded only for a film
 
     times_us = plan.times_us()

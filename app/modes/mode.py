@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Executor
+from pathlib import Path
 from typing import Final, Literal, Protocol
 
 import viser
@@ -18,6 +19,7 @@ from app.state.client_state import ClientState
 from app.state.commands import Command
 from app.views.image_view import ImageView
 from app.web.pages import Message
+from app.web.uploads import Purpose
 from core.errors import CommandError, RallyscopeError
 from core.recordings import Recording
 
@@ -77,6 +79,17 @@ class ModeHost(Protocol):
 
     def listen(self, kind: str, listener: Callable[[Message], None]) -> None:
         """Call `listener` in the loop with every message of this kind of the page. Nothing in it is trusted."""
+        ...
+
+    def receive(self, take: Callable[[Path], None], purpose: Purpose) -> None:
+        """Pass files that the page sends for a purpose to `take`, in the server's event loop.
+
+        Each lies alone in a folder; `take` owns both. Nothing in them is trusted.
+        """
+        ...
+
+    def send_to_page(self, kind: str, values: Message) -> None:
+        """Send a message to the scripts of the page; only the latest of each kind is kept."""
         ...
 
     def say(self, text: str) -> None:

@@ -95,7 +95,7 @@ def keys_html() -> str:
         f"<tr><td style='padding-right:14px'><b>{key}</b></td><td>{label}</td></tr>" for key, label in listed
     )
     frame = "<tr><td><b>F</b></td><td>Reset the picture's view</td></tr>"
-    hint = f"Enter and Escape leave a field: then the keys work again. Words: {PAGE}."
+    hint = f"Enter and Escape leave a field: then the keys work again. What the words mean: {PAGE}."
     return (
         f"<div style='font-size:12.5px;padding:4px 12px'>{hint} {tour_button_html()}<table>{rows}{frame}</table></div>"
     )

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -15,8 +16,8 @@ from app.background.child import ChildProcess, share_in
 from app.shared.live_learning import LiveLearning
 from core.cameras import Camera
 from core.chain.calibration_drift import CalibrationDrift, DriftReport
-from core.chain.config import PredictionName, with_prediction
-from core.chain.control.decision import RacketDecision
+from core.chain.config import PredictionName, chain_with_constants, with_prediction
+from core.chain.control.controller import RacketDecision
 from core.chain.control.player import PlayerState
 from core.errors import CommandError, LinkError, RecordingError
 from core.history.played_bodies import PlayedBodies
@@ -32,6 +33,7 @@ from core.live.live_player import LivePlayer
 from core.live.live_snapshot import RallySnapshot
 from core.live.ring_recording import LiveConfig, RingRecording
 from core.live.stream_watch import StreamWatch
+from core.physics.constants_file import FittedConstants
 from core.physics.episode import Case
 from core.robot import RobotClient, SourceWithRobot
 from core.robot.robot_step_test import RobotStepTest
@@ -116,7 +118,8 @@ class LiveRally:
         self.is_changing_scene = False
         """Whether the simulation is building another scene: until then no data arrives, as somebody asked for it."""
         self._recording_lock = threading.Lock()
-        self._watched = True
+        self._watched, self._awake = True, True
+        self._keeping, self._keepers = threading.Lock(), 0
         self._forgotten_us = 0
         source.add_listener(self.watch)
         source.add_listener(self.recording)
@@ -161,16 +164,45 @@ class LiveRally:
         return 0.0 if recorder is None else 1e-6 * recorder.duration_us
 
     def set_active(self, watched: bool) -> None:
-        """Set whether a browser is connected; without one the source may pause, unless the rally is recorded or
-        learns.
+        """Set whether a browser watches the rally. While nobody does, the source pauses, unless the rally is recorded,
+        learns, is streamed, or an external robot plays.
         """
-        if watched and not self._watched:
-            self.watch.wake()
         self._watched = watched
         self._listen()
 
+    @contextmanager
+    def kept_awake(self) -> Iterator[None]:
+        """The source runs inside of this, also if no browser watches."""
+        self._keep(1)
+        try:
+            yield
+        finally:
+            self._keep(-1)
+
+    @property
+    def is_awake(self) -> bool:
+        """Whether the source runs; otherwise it pauses, as nobody needs it."""
+        return self._awake
+
+    def _keep(self, more: int) -> None:
+        with self._keeping:
+            self._keepers += more
+        self._listen()
+
     def _listen(self) -> None:
-        self.source.listen(self._watched or self._recorder is not None or self.learning.on)
+        robot_plays = self.robot is not None and self.robot.status.stop is None
+        with self._keeping:
+            kept = self._keepers or self._recorder is not None or self.learning.on or robot_plays
+            awake = self._watched or bool(kept)
+            if awake == self._awake:
+                return
+            self._awake = awake
+            if awake:
+                self.watch.wake()
+                self.player.wake()
+            else:
+                self.watch.rest()
+            self._source_with_robot.listen(awake)
 
     def record(self, path: Path) -> None:
         """Write the rally to a file from now on.
@@ -223,6 +255,11 @@ class LiveRally:
             remedy = "let another controller play first"
             raise CommandError("this policy needs the ball's spin, which the paper's fit does not give", remedy=remedy)
         self.player.configure(replace(config, chain=chain))
+
+    def begin_with(self, constants: FittedConstants) -> None:
+        """Predict with fitted constants of air and table from the next block on; balls go on making them surer."""
+        config = self.player.config
+        self.player.configure(replace(config, chain=chain_with_constants(config.chain, constants)))
 
     def change_scene(self, scene: str) -> None:
         """Have the simulation show another scene, and wait for it.

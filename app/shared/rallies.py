@@ -24,7 +24,7 @@ from core.online_learning.start import NOTHING, LearningStart, can_start_from, s
 from core.recordings import Recording
 
 GRACE_S: Final = 3.0
-"""The live rally runs this long after the last browser left, so that reloading a page does not stop it."""
+"""The live rally runs this long after the last browser turned away, so that reloading a page does not stop it."""
 
 
 @dataclass(slots=True)
@@ -38,7 +38,7 @@ class Rallies:
     _watched_s: float = float("-inf")
 
     def set_active(self, watched: bool, wall_s: float) -> None:
-        """Call regularly with whether a browser is connected; without one the live rally pauses."""
+        """Call regularly with whether a browser watches the live rally; it pauses while nobody needs it."""
         if watched:
             self._watched_s = wall_s
         if self.live is not None:

@@ -23,10 +23,20 @@ from typing import Final, Literal
 from app.shared.job_backends import HERE_ONLY, THIS_MACHINE, JobBackends
 from app.shared.workspace import Workspace, slug_from
 from core.errors import CommandError, RallyscopeError
+from core.extras import require_package
 from core.files import lock_descriptor
 from core.learning.config import RunConfig
-from core.learning.runs.control import Control, RunCommand, RunStatus, is_held, read_control, read_status, write_control
-from core.learning.runs.run_files import create_run, read_run
+from core.learning.runs.run_files import (
+    Control,
+    RunCommand,
+    RunStatus,
+    create_run,
+    is_held,
+    read_control,
+    read_run,
+    read_status,
+    write_control,
+)
 
 RunPhase = Literal["new", "starting", "running", "paused", "stopping", "ending", "stopped", "finished", "failed"]
 ACTIVE: Final[tuple[RunPhase, ...]] = ("starting", "running", "paused", "stopping", "ending")
@@ -189,6 +199,7 @@ class Trainer:
         Raises:
             RallyscopeError: if another one is being trained, the name is taken or unusable, or there is no such place.
         """
+        require_package("torch", "training")
         self._places.flags(place, SEEDS_HERE)
         with self._lock:
             self._check_free()
@@ -208,6 +219,7 @@ class Trainer:
         Raises:
             RallyscopeError: if there is no such run, it is finished, or another one is being trained.
         """
+        require_package("torch", "training")
         with self._lock:
             self._check_free()
             state = self._known(name)

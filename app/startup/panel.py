@@ -16,7 +16,7 @@ from app.shared.library import Library
 from app.startup.startup import Preparation, Step
 
 PLACE_PX: Final = (8, -8)
-SIZE_PX: Final = (430, 230)
+SIZE_PX: Final = (430, 244)
 SIGNS: Final = {"waiting": "&#9675;", "running": "&#9684;", "done": "&#10003;", "failed": "&#10007;"}
 
 
@@ -43,7 +43,7 @@ def card_html(steps: Sequence[Step]) -> str:
         return ""
     now_s = time.monotonic()
     rows = "".join(_row(step, now_s) for step in steps)
-    note = "You can open a recording meanwhile; the live rally will appear here."
+    note = "Meanwhile you see a recorded rally at half speed, or can open a recording. The live rally will appear here."
     return (
         f"<div style='font-size:13px;padding:6px 14px;line-height:1.5'>{rows}"
         f"<div style='color:{theme.MUTED};padding-top:6px'>{note}</div></div>"
@@ -94,6 +94,11 @@ class AwaitedRecording:
     def waiting(self) -> bool:
         """Whether it is still waiting."""
         return self._name is not None
+
+    @property
+    def is_preparing(self) -> bool:
+        """Whether it waits for what is still being prepared."""
+        return self._name is not None and self._card is not None
 
     def expect(self, name: str | None) -> None:
         """Wait for this recording; None cancels the wait, as another was chosen."""

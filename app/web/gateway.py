@@ -1,6 +1,6 @@
 """The gateway before viser: it starts viser's server, and checks every request.
 
-viser 1.1.1 checks neither Host nor Origin, knows no token, and leaves no room for a check. A proxy before it would
+viser 1.1 checks neither Host nor Origin, knows no token, and leaves no room for a check. A proxy before it would
 leave its own port open to every page in the browser, so the check is put where viser starts its websocket server:
 requests are judged in viser's own process and its messages take no further step. `Gateway` refuses to start where
 that hook was not used, and a test asks as a foreign page would.
@@ -22,25 +22,28 @@ from collections.abc import Awaitable, Callable, Iterator
 from contextvars import ContextVar
 from http.cookies import CookieError, SimpleCookie
 from importlib import resources
-from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import viser
 import websockets.asyncio.server
-from viser.infra import WebsockClientConnection
 from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from app.theme import apply_theme
+from app.viser_parts import check_parts, moved_part, read_page, websocket_server
 from app.web.access_policy import TOKEN_COOKIE, Admission, RequestOrigin, check_address, port_taken
 from app.web.pages import PageConnection, Pages
+
+if TYPE_CHECKING:
+    from viser.infra import WebsockClientConnection
 
 SCRIPTS: Final = (
     "identity.js",
     "bridge.js",
     "splash.js",
     "drawing.js",
+    "visible.js",
     "sky.js",
     "reconnect.js",
     "link.js",
@@ -57,7 +60,9 @@ SCRIPTS: Final = (
     "panes.js",
     "lower.js",
     "tooltips.js",
+    "upload.js",
     "files.js",
+    "label_files.js",
     "tour.js",
     "names.js",
 )
@@ -69,12 +74,9 @@ def page_html() -> bytes:
     """The whole page, UTF-8.
 
     Raises:
-        RuntimeError: if viser's page is not built as we know it.
+        PackageError: if viser's page is not built as we know it.
     """
-    html = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_text("utf-8")
-    head, found, rest = html.partition("<title>Viser</title>")
-    if not found:
-        raise RuntimeError("viser's page has no title to put our script beside; its version must be the pinned one")
+    head, rest = read_page()
     folder = resources.files("app.web") / "page"
     script = "\n".join((folder / name).read_text("utf-8") for name in SCRIPTS)
     style = (folder / "style.css").read_text("utf-8")
@@ -86,6 +88,12 @@ def page_html() -> bytes:
 def page_gzip() -> bytes:
     """The page as gzip."""
     return gzip.compress(page_html())
+
+
+@functools.cache
+def splash_film() -> bytes:
+    """Film that the page shows until its first view is complete, WebP."""
+    return (resources.files("app.web") / "page" / "rally.webp").read_bytes()
 
 
 def refusal_html(title: str, text: str, *, form: bool = False) -> bytes:
@@ -106,6 +114,7 @@ BROWSER_COOKIE_S: Final = 400 * 86_400
 PAGE_PATH: Final = "/rallyscope/page"
 UPLOAD_PATH: Final = "/rallyscope/upload"
 ALIVE_PATH: Final = "/rallyscope/alive"
+FILM_PATH: Final = "/rallyscope/rally.webp"
 MAX_ID_LENGTH: Final = 64
 SAFETY_HEADERS: Final = {
     "Content-Security-Policy": "frame-ancestors 'none'",  # a foreign page shows ours in no frame to have it clicked
@@ -135,8 +144,8 @@ class Gateway:
             """viser's own."""
         if not used:
             self.server.stop()
-            raise RuntimeError("viser started its server in a way that we do not know; its version must be the pinned")
-        infra = self.server._websock_server
+            raise moved_part("its call of websockets.asyncio.server.serve")
+        infra = websocket_server(self.server)
         infra.on_client_connect(self._come)
         infra.on_client_disconnect(self._go)
         self._open = True
@@ -192,6 +201,8 @@ class Gateway:
             return self._welcome(request, path)
         if path == ALIVE_PATH:
             return _response(http.HTTPStatus.OK, json.dumps({"alive": True}).encode(), "application/json")
+        if path == FILM_PATH:
+            return _film()
         if path in ("/", "/index.html"):
             return _page(request)
         return None
@@ -222,12 +233,14 @@ class Gateway:
 
 
 def open_gateway(host: str, port: int, admission: Admission | None = None) -> Gateway:
-    """A door in our colours, at exactly this port, 0 for any free one; viser itself would silently take the next one.
+    """A gateway at exactly this port, 0 for any free one; viser itself would silently take the next one.
 
     Raises:
         CommandError: if the address cannot be used, or other machines could connect without a token.
+        PackageError: if viser is a version that lacks what we use of it.
     """
     check_address(host, port)
+    check_parts()
     front = Gateway(host, port, admission or Admission.of_address(host, None))
     if port not in (0, front.server.get_port()):  # another was quicker
         front.server.stop()
@@ -281,6 +294,13 @@ def _page(request: Request) -> Response:
     if BROWSER_COOKIE not in _cookies(request):
         cookie = f"{BROWSER_COOKIE}={secrets.token_hex(16)}; HttpOnly; SameSite=Lax; Path=/; Max-Age={BROWSER_COOKIE_S}"
         answer.headers["Set-Cookie"] = cookie
+    return answer
+
+
+def _film() -> Response:
+    answer = _response(http.HTTPStatus.OK, splash_film(), "image/webp")
+    del answer.headers["Cache-Control"]
+    answer.headers["Cache-Control"] = "max-age=86400"  # the same for all pages
     return answer
 
 

@@ -1,8 +1,8 @@
 """Files that browsers send, over a websocket of their own: in pieces, each acknowledged, never whole in memory.
 
-viser's server reads no bodies of HTTP requests, so a file cannot be posted. The page says name and size as JSON, gets
-`{"ready": true}`, sends pieces, and gets `{"got": BYTES}` for each; what is refused gets `{"refused": WHY}`. The name
-is only a hint: the file lies in a new folder under a name that is made here.
+viser's server reads no bodies of HTTP requests, so a file cannot be posted. The page says name, size and purpose as
+JSON, gets `{"ready": true}`, sends pieces, and gets `{"got": BYTES}` for each; what is refused gets `{"refused": WHY}`.
+The name is only a hint: the file lies in a new folder under a name that is made here.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import logging
 import re
 import shutil
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
@@ -34,7 +34,15 @@ KEPT_FREE_BYTES: Final = 200_000_000
 """So much of the disk is left free."""
 LONGEST_STEM: Final = 56
 _NO_NAME: Final = "recording"
+Purpose = Literal["recording", "labels"]
+"""What a file is for."""
 Taker = Callable[[Path], None]
+MAX_LABELS_BYTES: Final = 50_000_000
+REMEDIES: Final[Mapping[str, str]] = {
+    "recording": "Put it into the folder of recordings instead, or use `rallyscope import`.",
+    "labels": "Put it into the folder labels-to-import of the workspace instead, or use `rallyscope labels import`.",
+}
+"""What to do with a file that is too large, by purpose."""
 
 
 class RefusedUpload(Exception):  # noqa: N818 (it is an answer to the page, and no failure of ours)
@@ -45,18 +53,22 @@ class Uploads:
     """Receives files for the pages that are open. Thread-safe."""
 
     def __init__(self, *, most_bytes: int = MAX_UPLOAD_BYTES, piece_within_s: float = PIECE_WITHIN_S) -> None:
-        self._most_bytes = most_bytes
+        self._most_bytes = {"recording": most_bytes, "labels": min(most_bytes, MAX_LABELS_BYTES)}
         self._piece_within_s = piece_within_s
         self._lock = threading.Lock()
-        self._takers: dict[str, Taker] = {}
+        self._takers: dict[str, dict[str, Taker]] = {}
+        """Page -> purpose -> who takes its files."""
         self._sending: set[str] = set()
         self.new_folder: Callable[[], Path] | None = None
         """Makes an empty folder for a file; without it none is taken."""
 
-    def open(self, page: str, take: Taker) -> None:
-        """From now on this page may send files; `take` gets each, with the folder that it lies alone in, as its own."""
+    def open(self, page: str, take: Taker, purpose: Purpose = "recording") -> None:
+        """From now on this page may send files for a purpose.
+
+        `take` gets each, with the folder that it lies alone in, as its own.
+        """
         with self._lock:
-            self._takers[page] = take
+            self._takers.setdefault(page, {})[purpose] = take
 
     def close(self, page: str) -> None:
         """The page was closed."""
@@ -96,7 +108,10 @@ class Uploads:
             raise RefusedUpload("Other browsers are sending files; try again in a moment.")
 
     async def _receive(self, page: str, connection: ServerConnection) -> None:
-        name, size_bytes = self._announced(await self._next(connection))
+        name, size_bytes, purpose = self._announced(await self._next(connection))
+        with self._lock:
+            if purpose not in self._takers.get(page, {}):
+                raise RefusedUpload("This page takes no such file.")
         folder = await asyncio.to_thread(self._make_folder, size_bytes)
         path = folder / name
         try:
@@ -113,7 +128,7 @@ class Uploads:
                     await asyncio.to_thread(file.write, piece)
                     await _say(connection, got=got_bytes)
             with self._lock:
-                take = self._takers.get(page)
+                take = self._takers.get(page, {}).get(purpose)
             if take is None:
                 raise RefusedUpload("The page was closed.")
             take(path)
@@ -124,23 +139,26 @@ class Uploads:
     async def _next(self, connection: ServerConnection) -> str | bytes:
         return await asyncio.wait_for(connection.recv(), self._piece_within_s)
 
-    def _announced(self, text: str | bytes) -> tuple[str, int]:
-        """Name and size of the file that is to come."""
+    def _announced(self, text: str | bytes) -> tuple[str, int, str]:
+        """Name, size and purpose of the file that is to come."""
         try:
             request = parse_json(text) if isinstance(text, str) else None
         except (ValueError, RecursionError):
             request = None
-        name, size = (request.get("name"), request.get("size")) if isinstance(request, dict) else (None, None)
-        if not isinstance(name, str) or not isinstance(size, int) or isinstance(size, bool) or size < 0:
+        values = request if isinstance(request, dict) else {}
+        name, size, purpose = values.get("name"), values.get("size"), values.get("purpose", "recording")
+        known = isinstance(purpose, str) and purpose in self._most_bytes
+        if not isinstance(name, str) or not isinstance(size, int) or isinstance(size, bool) or size < 0 or not known:
             raise RefusedUpload("The upload was invalid; reload the page.")
         if size == 0:
             raise RefusedUpload("The file is empty.")
-        if size > self._most_bytes:
+        most_bytes = self._most_bytes[purpose]
+        if size > most_bytes:
             raise RefusedUpload(
-                f"It has {size / 1e6:,.0f} MB, and a browser may send up to {self._most_bytes / 1e6:,.0f} MB. "
-                "Put it into the folder of recordings instead, or use `rallyscope import`."
+                f"It has {size / 1e6:,.0f} MB, and a browser may send up to {most_bytes / 1e6:,.0f} MB. "
+                + REMEDIES[purpose]
             )
-        return safe_name(name), size
+        return safe_name(name), size, purpose
 
     def _make_folder(self, size_bytes: int) -> Path:
         assert self.new_folder is not None

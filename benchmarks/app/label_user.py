@@ -145,7 +145,7 @@ class _User:
         """Start the server, go to Label mode and to the first unchecked time, and have the detector propose."""
         options = ["--data", str(self._folder), "--port", "0"]
         command = [sys.executable, "-m", "app.cli", "serve", str(self._file), *options]
-        self._server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        self._server = subprocess.Popen(command, stdout=subprocess.PIPE, encoding="utf-8")
         assert self._server.stdout is not None
         line = next(line for line in self._server.stdout if "http://" in line)
         address = re.search(r"http://\S+", line)

@@ -165,7 +165,7 @@ def rows_of(runs: list[PaceRun]) -> list[Row]:
 
 def _processor_times() -> np.ndarray:
     """Ticks of all processors: user, nice, system, idle, iowait, irq, softirq, steal."""
-    return np.array(Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:], np.int64)
+    return np.array(Path("/proc/stat").read_text("utf-8").split("\n", 1)[0].split()[1:], np.int64)
 
 
 def _wait_for(condition: Callable[[], bool]) -> None:

@@ -51,18 +51,20 @@ def measure(home: Path, arguments: argparse.Namespace, number: int) -> None:
     environment = {key: value for key, value in os.environ.items() if key not in ("VIRTUAL_ENV", "NUMBA_CACHE_DIR")}
     command = ["make", "run", f"PORT={arguments.port}", f"PYTHON={arguments.python}"]
     log, began_s = home / "log", time.monotonic()
-    with log.open("w") as out:
+    with log.open("w", encoding="utf-8") as out:
         started = subprocess.Popen(
             command, cwd=clone, env=environment | caches, stdout=out, stderr=subprocess.STDOUT, start_new_session=True
         )
     try:
         until(lambda: (clone / ".venv" / ".installed").exists(), started, log)
         installed_s = time.monotonic()
-        until(lambda: "http://" in log.read_text(), started, log)
+        until(lambda: "http://" in log.read_text("utf-8"), started, log)
         seconds = {"page": time.monotonic() - installed_s} | in_browser(arguments.port, installed_s, started, log)
         told = ", ".join(f"{name} {value:.1f} s" for name, value in seconds.items())
         print(f"clone {number + 1}: installation {installed_s - began_s:.0f} s, then {told}", flush=True)
-        print("".join(f"    {line}\n" for line in log.read_text().splitlines() if ": done after" in line), end="")
+        print(
+            "".join(f"    {line}\n" for line in log.read_text("utf-8").splitlines() if ": done after" in line), end=""
+        )
     finally:
         os.killpg(started.pid, signal.SIGINT)
         started.wait(300)
@@ -87,7 +89,7 @@ def until(condition: Callable[[], bool], started: subprocess.Popen, log: Path) -
     """Wait for it while the started command lives."""
     deadline = time.monotonic() + GIVE_UP_S
     while not condition():
-        assert started.poll() is None and time.monotonic() < deadline, log.read_text()
+        assert started.poll() is None and time.monotonic() < deadline, log.read_text("utf-8")
         time.sleep(0.1)
 
 

@@ -48,13 +48,13 @@ def children_of(pid: int) -> tuple[int, ...]:
     found: list[int] = []
     for task in (PROC / str(pid) / "task").iterdir():
         with contextlib.suppress(FileNotFoundError, ProcessLookupError):  # a thread may end meanwhile
-            found.extend(int(child) for child in (task / "children").read_text().split())
+            found.extend(int(child) for child in (task / "children").read_text("utf-8").split())
     return tuple(found)
 
 
 def _numbers(path: Path) -> dict[str, int]:
     """The lines NAME: NUMBER [kB]."""
-    pairs = (line.partition(":") for line in path.read_text().splitlines())
+    pairs = (line.partition(":") for line in path.read_text("utf-8").splitlines())
     return {name: int(value.split()[0]) for name, _, value in pairs if value.split() and value.split()[0].isdigit()}
 
 
@@ -91,7 +91,7 @@ def served(workspace: Path, *arguments: str, port: int = 0) -> Iterator[ServedAp
         assert process.stdout is not None
         address = next((re.search(rb"http://[^:]+:(\d+)", line) for line in process.stdout if b"http://" in line), None)
         if address is None:
-            raise CommandError("the app did not come up", got=said.read_text()[-300:])
+            raise CommandError("the app did not come up", got=said.read_text("utf-8")[-300:])
         yield ServedApp(process, int(address[1]))
     finally:
         helpers = children_of(process.pid) if process.poll() is None else ()

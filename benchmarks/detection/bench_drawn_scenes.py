@@ -25,7 +25,7 @@ from benchmarks.machine import describe_machine, machine_words
 from core.cameras.presets import PLACEMENTS, stereo_preset
 from core.detection.methods import Method, make_detector, method_config
 from core.files import replace_file
-from core.metrics.grid_score import SLOW_PX_PER_MS, GridScore, score_on_grid
+from core.metrics.grid_score import SLOW_PX_PER_MS, GridScore, errors_without_lag, lag_ms, score_on_grid
 from core.metrics.run import run_detector
 from core.physics.config import Profile, physics_profile
 from core.recordings import open_recording
@@ -205,12 +205,7 @@ def summarise(row: Row, drawn: bool, method: str, flights: list[dict[str, GridSc
 
 def _after_delay(scored: GridScore, fitted: GridScore) -> np.ndarray:
     """The errors of a flight as they would be with the delay that another flight tells of the same sensor."""
-    if not len(fitted.speed_px_per_ms):
-        return scored.error_px
-    delay_ms = float(np.median(fitted.along_px / fitted.speed_px_per_ms))
-    along = scored.along_px - delay_ms * scored.speed_px_per_ms
-    across_squared = np.maximum(scored.error_px**2 - scored.along_px**2, 0.0)
-    return np.sqrt(along**2 + across_squared)
+    return errors_without_lag(scored, lag_ms(fitted)) if len(fitted.speed_px_per_ms) else scored.error_px
 
 
 def _plain(value: object) -> list[float]:

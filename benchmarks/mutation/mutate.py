@@ -94,7 +94,7 @@ class Copy:
         whole = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "PYTHONDONTWRITEBYTECODE": "1", **env}
         whole |= {"NUMBA_CACHE_DIR": str(self.root.parent / "numba")} if compiled else {"NUMBA_DISABLE_JIT": "1"}
         process = subprocess.Popen(
-            [sys.executable, *command], cwd=self.root, env=whole, text=True, start_new_session=True,
+            [sys.executable, *command], cwd=self.root, env=whole, encoding="utf-8", start_new_session=True,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, errors="replace",
             preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(timeout_s), math.ceil(timeout_s))),
         )  # fmt: skip
@@ -179,7 +179,7 @@ def _measure(area: Area, copy: Copy, path: str) -> dict[str, Any]:
     data.unlink(missing_ok=True)
     tests.unlink(missing_ok=True)
     settings = copy.root.parent / "coveragerc"
-    settings.write_text("[run]\ninclude =\n" + "".join(f"    {copy.root}/{path}\n" for path in area.files))
+    settings.write_text("[run]\ninclude =\n" + "".join(f"    {copy.root}/{path}\n" for path in area.files), "utf-8")
     command = ["-m", "coverage", "run", f"--rcfile={settings}", f"--data-file={data}"]
     limit = f"--timeout={SLOWEST_TEST_S:g}"
     copy.run([*command, *pytest_command("-p", "reach", limit, path)], 900.0, REACH_TESTS=str(tests))
@@ -189,7 +189,7 @@ def _measure(area: Area, copy: Copy, path: str) -> dict[str, Any]:
         measured.read()
         for file in measured.measured_files():
             lines[Path(file).relative_to(copy.root).as_posix()] = measured.contexts_by_lineno(file)
-    return {"file": path, "tests": json.loads(tests.read_text()) if tests.exists() else {}, "lines": lines}
+    return {"file": path, "tests": json.loads(tests.read_text("utf-8")) if tests.exists() else {}, "lines": lines}
 
 
 def judge(mutant: Mutant, text: str, reach: Reach, copy: Copy, start_s: float) -> dict[str, Any]:
@@ -254,7 +254,7 @@ def still_true(row: dict[str, Any], area: Area, state: str) -> bool:
 def run(area: Area, drawn: list[tuple[Mutant, str]], jobs: int, start_s: float) -> list[dict[str, Any]]:
     """The results of all drawn mutants, those of earlier runs among them."""
     results, state = area.kept / f"{area.name}.jsonl", area.digest(*area.files, *area.tests)
-    earlier = [json.loads(row) for row in results.read_text().splitlines()] if results.exists() else []
+    earlier = [json.loads(row) for row in results.read_text("utf-8").splitlines()] if results.exists() else []
     known = {(row["line"], row["start"], row["mutated"]): row for row in earlier if still_true(row, area, state)}
     accepted = tomllib.loads((area.root / EQUIVALENT).read_text(encoding="utf-8"))
     equivalent = {(one["line"], one["mutated"]) for one in accepted.get("mutant", ())}

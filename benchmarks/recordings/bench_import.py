@@ -41,12 +41,12 @@ TRIGGER_EVENTS: Final = 2500
 _IMPORT: Final = """
 import json, re, sys, time
 from pathlib import Path
-from core.recordings import import_recording
-import_recording([Path(sys.argv[1])], Path(sys.argv[3]))
+from core.recordings import ImportOrder, import_recording
+import_recording(ImportOrder([Path(sys.argv[1])]), Path(sys.argv[3]))
 started, started_cpu = time.perf_counter(), time.process_time()
-summary = import_recording([Path(sys.argv[2])], Path(sys.argv[4]), overwrite=True)
+summary = import_recording(ImportOrder([Path(sys.argv[2])]), Path(sys.argv[4]), overwrite=True)
 seconds, cpu_seconds = time.perf_counter() - started, time.process_time() - started_cpu
-peak_mb = int(re.search(r"VmHWM:\\s+(\\d+) kB", Path("/proc/self/status").read_text())[1]) / 1024
+peak_mb = int(re.search(r"VmHWM:\\s+(\\d+) kB", Path("/proc/self/status").read_text("utf-8"))[1]) / 1024
 print(json.dumps({"seconds": seconds, "cpu_seconds": cpu_seconds, "peak_mb": peak_mb,
                   "events": sum(summary.events.values()), "triggers": sum(summary.triggers.values())}))
 """
@@ -113,7 +113,7 @@ def import_apart(tiny: Path, source: Path, recording: Path) -> dict[str, float]:
     warm_up = recording.with_suffix(".tiny.h5")
     warm_up.unlink(missing_ok=True)
     words = [sys.executable, "-c", _IMPORT, str(tiny), str(source), str(warm_up), str(recording)]
-    return parse_json(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
+    return parse_json(subprocess.run(words, capture_output=True, encoding="utf-8", check=True).stdout)
 
 
 def _import_rows(measured: list[dict[str, float]], events: int) -> list[Report]:

@@ -99,7 +99,8 @@ def _circles(window: Window, detector: Detector) -> list[Detection]:
     around = TrackState(centre_px=state.centre_px, on_leads=state.on_leads)
     trace = trace_window(window, around, detector.config, label_clusters=grid_labels)
     circles = [one.circle for one in trace.candidates if one.rejected is None and one.circle is not None]
-    return [Detection(window.end_us, circle.u_px, circle.v_px, circle.r_px) for circle in circles]
+    t_us = window.end_us - detector.config.localise.delay_us
+    return [Detection(t_us, circle.u_px, circle.v_px, circle.r_px) for circle in circles]
 
 
 def _expected_radius_px(camera: Camera, p_world_m: Array) -> float:

@@ -21,6 +21,7 @@ from core.data_sets.facts import (
 )
 from core.data_sets.plan import DataSetPlan, PlannedRecording
 from core.errors import RecordingError
+from core.extras import require_package
 from core.files import hold
 from core.jobs import ALONE, HERE, JobBackend, TaskControl, open_jobs
 
@@ -59,8 +60,10 @@ def run_data_set(
     Raises:
         RecordingError: if a recording there has other settings, another run works in the folder, or writing fails.
         ConfigError: if a serve is impossible.
+        PackageError: without pyarrow.
         JobsError: if a cluster cannot be used, or the workers of a recording keep dying.
     """
+    require_package("pyarrow", "the index of a data set")  # now: it is written after the recordings
     with _locked(folder), _errors_in_one_line(folder):
         remove_partials(folder)
         facts: dict[str, RecordingFacts] = {}

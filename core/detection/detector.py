@@ -20,7 +20,7 @@ class Detection:
     """A ball in the picture of one camera."""
 
     t_us: int
-    """The time at which the position is valid (`paper`: the end of its window)."""
+    """The time at which the position is valid (`paper`: the end of its window less its delay)."""
     u_px: float
     v_px: float
     r_px: float

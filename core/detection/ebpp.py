@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from core.detection.detector import Detection
 from core.detection.ebpp_config import EbppConfig
+from core.detection.ebpp_region import FollowedCircle, follow, region_of
 from core.detection.ebpp_votes import VotedCircles, voted_circles
 from core.detection.method_trace import (
     RAW,
@@ -32,7 +33,7 @@ from core.detection.method_trace import (
     region_shapes,
 )
 from core.detection.reasons import Reason
-from core.detection.stages.roi import Centre, Roi, RoiConfig, next_region, roi_around
+from core.detection.stages.roi import Roi
 from core.events import SensorSize, Window
 from core.jit import njit
 
@@ -216,14 +217,12 @@ class EbppDetector:
         self.config = config
         self.sensor = sensor
         self._rule = eros_rule(config.kernel_px, config.decay, config.support_us)
-        self._region = RoiConfig(roi_expand_px=config.roi_expand_px, misses_to_reset=config.misses_to_reset)
         self.reset()
 
     def reset(self) -> None:
         """Forget everything seen before."""
         self._surface = blank_surface(self.sensor, self._rule)
-        self._centre_px: Centre | None = None
-        self._misses = 0
+        self._last: FollowedCircle | None = None
         self._roi: Roi | None = None
         self._events = 0
         self._searched: SearchedPicture | None = None
@@ -237,8 +236,8 @@ class EbppDetector:
             self.sensor = events.sensor
             self.reset()
         self.extra_circles = 0
-        detection, found_px, self._stale, self._searched = None, None, None, None
-        self._events, self._roi = len(events), roi_around(self._centre_px, self._region)
+        detection, circle, self._stale, self._searched = None, None, None, None
+        self._events, self._roi = len(events), region_of(self._last, window.end_us, self.config)
         if len(events):
             update_surface(events.t_us, events.x_px, events.y_px, self._surface, self._rule)
             self._searched = _searched(picture_of(self._surface, self._rule), self._roi, self.config)
@@ -246,13 +245,12 @@ class EbppDetector:
             rims = rim_events(events.x_px, events.y_px, circles)
             fresh = circles[rims >= self.config.fresh_min]
             if len(fresh):
-                u, v, r = fresh[0].tolist()
-                found_px = u, v
+                u, v, r = circle = tuple(fresh[0].tolist())
                 detection = Detection(window.end_us - self.config.delay_us, u, v, r)
                 self.extra_circles = len(fresh) - 1
             elif len(circles):
                 self._stale = float(rims[0])
-        self._centre_px, self._misses = next_region(self._centre_px, self._misses, found_px, self._region)
+        self._last = follow(self._last, circle, window.end_us, self.config)
         return detection
 
     def why_not(self) -> tuple[Reason, ...]:

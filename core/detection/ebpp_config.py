@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from core.config import check_settings, setting
 from core.errors import ConfigError
@@ -41,8 +42,16 @@ class EbppConfig:
     """Fewest events of the window within 3 px of a circle, per pixel of its circumference. The surface shows an edge
     long after it has stopped or left. Simulated balls of 3 to 8 m/s had 4 or more, 5 noise events a second and pixel
     give 0.06."""
+    region: Literal["fixed", "scaled", "moving"] = "fixed"
+    """Where the next window is searched. fixed: `roi_expand_px` to each side of the last centre. scaled: `region_radii`
+    radii to each side of it, as in PUCK (Gava et al. 2022), the tracker on the same surface that EBPP's co-author
+    published with code: a small ball leaves less room for other things. moving: the same square, moved on as the ball
+    moved between its last two circles, so that it can be small for a fast ball."""
     roi_expand_px: float = setting(30.0, 5.0, 400.0, step=1.0)
-    """Half the side of the search square around the last centre."""
+    """Half the side of the search square around the last centre, with the region `fixed`."""
+    region_radii: float = setting(3.0, 1.5, 12.0, step=0.5)
+    """The same in radii of the last circle, with the region `scaled` or `moving`. PUCK has 2, and is asked more often
+    than every 2 ms; a ball of 4 px/ms and 6 px moves by 1.3 radii in between."""
     misses_to_reset: int = setting(3, 1, 50)
     """Windows in a row without a circle before the whole sensor is searched again."""
     delay_us: int = setting(250, 0, 5000, step=10)

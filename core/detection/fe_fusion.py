@@ -1,4 +1,11 @@
-"""F-E Fusion as a detector: one cluster of the window's events is the ball."""
+"""F-E Fusion as a detector: one cluster of the window's events is the ball.
+
+The source clusters the events (DBSCAN) and takes a cluster's centroid and the mean distance of its events from it as
+the ball's place and radius; which cluster is the ball, its neural field decides. That field is left out here. In its
+place stand, as ours: limits for the events, the radius and the elongation of a cluster, a smallest share of events in
+the last third of the window, the region of interest around the last centre, and, of several clusters within the limits,
+the one with most events. An opening before the clusters is ours too, and off by default.
+"""
 
 from __future__ import annotations
 
@@ -138,8 +145,9 @@ class FeFusionDetector:
     """Answers with the centroid of one cluster, and the mean distance of its events as the radius.
 
     Of the clusters in the region of interest with the events, the spread and the shape of a ball, the one with most
-    events is the ball. An estimate is valid at the middle of its window less `delay_us`: its events are spread evenly
-    over the window, and their mean is where the ball was on average.
+    events is the ball; the region, the limits and this choice are not the source's, see the module. An estimate is
+    valid at the middle of its window less `delay_us`: its events are spread evenly over the window, and their mean is
+    where the ball was on average.
     """
 
     def __init__(self, config: FeFusionConfig, sensor: SensorSize) -> None:

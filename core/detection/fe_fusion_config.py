@@ -12,6 +12,9 @@ from core.errors import ConfigError
 class FeFusionConfig:
     """The event part of F-E Fusion, without its neural field: one cluster's centroid and mean distance.
 
+    Of the source are `eps_px` and `min_samples`. All other settings are ours, in place of the field that chooses among
+    the clusters there.
+
     The defaults were tuned on simulated flights that no score is taken of; docs/how/detector.md has both.
     """
 

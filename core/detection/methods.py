@@ -121,7 +121,7 @@ _STAGES: Final = ("hot_pixels", "flicker", "roi", "denoise", "cluster", "polarit
 _STAGED_USUAL: Final = (
     "roi.roi_expand_px", "denoise.kernel_px", "cluster.eps_px", "cluster.min_samples", "cluster.size_min",
     "polarity.outlier_radius_px", "geometry.circularity_min", "geometry.solidity_min", "localise.radius_min_px",
-    "localise.radius_max_px",
+    "localise.radius_max_px", "localise.delay_us",
 )  # fmt: skip
 _REFINED_USUAL: Final = (
     "refined.motion_px", "refined.delay_us", "refined.residual_px", "refined.coverage_min", "refined.inside_max",

@@ -80,6 +80,7 @@ def trace_window(
         before, kept = kept, clean.rows(np.sort(np.concatenate([np.zeros(0, np.intp), *rows])))
         clock.close(name, before, kept)
 
+    t_us = window.end_us - config.localise.delay_us
     balls = [one for one in found if one.rejected is None]
     ball = _choose(balls, state.centre_px if roi else None)
     circle = None if ball is None else ball.circle
@@ -93,7 +94,7 @@ def trace_window(
         labels=labels,
         candidates=tuple(found),
         leading_on=on_leads(0.0, state.on_leads, config.polarity) if ball is None else ball.leading_on,
-        detection=None if circle is None else Detection(window.end_us, circle.u_px, circle.v_px, circle.r_px),
+        detection=None if circle is None else Detection(t_us, circle.u_px, circle.v_px, circle.r_px),
         extra_circles=max(0, len(balls) - 1),
         state=TrackState(centre_px, misses, memory, hot_pixels, flicker),
     )

@@ -142,6 +142,8 @@ class Followings:
     """One Following a recording and prediction, shared by all browsers."""
 
     def __init__(self) -> None:
+        self.chain = ChainConfig()
+        """Chain that those begun from now on use; their prediction is chosen for each."""
         self._lock = threading.Lock()
         self._found: dict[tuple[str, PredictionName], Following] = {}
 
@@ -153,7 +155,7 @@ class Followings:
             key = (recording.uuid, prediction)
             found = self._found.get(key)
             if found is None:
-                found = self._found[key] = Following(recording, with_prediction(ChainConfig(), prediction))
+                found = self._found[key] = Following(recording, with_prediction(self.chain, prediction))
             return found
 
     def close(self) -> None:

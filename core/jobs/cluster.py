@@ -63,8 +63,10 @@ def _source_hash() -> str:
     return digest.hexdigest()
 
 
-CONNECT_S: Final = 10.0
-"""Timeout of the connection to a scheduler, s."""
+CONNECT_S: Final = 30.0
+"""Timeout of the connection to a scheduler, s: one behind a tunnel, or on a busy machine, may need some seconds."""
+CLOSE_S: Final = 10.0
+"""Timeout of the end of a connection, s."""
 ANSWER_S: Final = 60.0
 """Timeout of a scheduler's reply, s; it may be busy."""
 LOOK_EVERY_S: Final = 2.0
@@ -106,7 +108,7 @@ class ClusterExecutor(Executor):
             self._client.subscribe_topic(self._topic, self._hear)
             self._executor = self._client.get_executor(pure=False)
         except BaseException:
-            self._client.close(timeout=CONNECT_S)
+            self._client.close(timeout=CLOSE_S)
             raise
 
     def submit(self, fn: Callable[..., R], /, *args: Any, **kwargs: Any) -> Future[R]:
@@ -154,7 +156,7 @@ class ClusterExecutor(Executor):
                 if plugin_hashes():
                     self._client.unregister_worker_plugin(self._topic)
                 self._executor.shutdown(wait=wait and not cancel_futures)
-        self._client.close(timeout=CONNECT_S)
+        self._client.close(timeout=CLOSE_S)
 
     def _workers(self) -> dict[str, int]:
         """Number of threads of each worker, by its address."""

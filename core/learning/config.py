@@ -13,6 +13,7 @@ from core.config import check_settings, setting
 from core.errors import ConfigError
 from core.learning.rewards import RewardConfig
 from core.physics.config import Profile
+from core.physics.constants_file import FittedConstants
 from core.physics.task import TaskConfig, hard_serves, task_profile
 
 AgentName = Literal["ddpg", "landing-model", "ppo", "a2c", "trpo", "td3", "sac"]
@@ -64,7 +65,7 @@ class TimingConfig:
     lead_ms: float = setting(50.0, 10.0, 200.0)
     """The stroke is decided at the first block with less time than this left until the ball arrives."""
     first_seen_ms: float = setting(18.0, 0.0, 200.0)
-    """A ball is first seen this long after the launch (measured, as what follows: `rallyscope bench state-errors`)."""
+    """A ball is first seen this long after the launch (measured on simulated serves, as what follows)."""
     seen_from_x_m: float = setting(1.12, -1.4, 3.0)
     """A ball is seen only nearer to the robot than this: the cameras' field of view."""
     error_scale: float = setting(1.0, 0.0, 50.0)
@@ -325,10 +326,14 @@ class RunConfig:
 
 
 def environment_profile(
-    physics: Profile = "paper", *, serves: Literal["standard", "hard"] = "standard", state_source: StateSource
+    physics: Profile = "paper",
+    *,
+    serves: Literal["standard", "hard"] = "standard",
+    state_source: StateSource,
+    constants: FittedConstants | None = None,
 ) -> EnvironmentConfig:
-    """The environment with a named physics and a named distribution of serves."""
-    task = task_profile(physics)
+    """The environment with a named physics, or fitted constants of it, and a named distribution of serves."""
+    task = task_profile(physics, constants)
     if serves == "hard":
         task = TaskConfig(physics=task.physics, serve=hard_serves(), stroke=task.stroke)
     return EnvironmentConfig(task=task, state_source=state_source)

@@ -14,15 +14,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
-from core.chain.block_windows import block_windows
 from core.chain.chain import RallyChain
-from core.chain.config import ChainConfig
-from core.chain.control.controller import BuiltInController, LiveController
-from core.chain.control.decision import RacketDecision
+from core.chain.config import ChainConfig, chain_for_physics, expected_physics
+from core.chain.control.controller import BuiltInController, LiveController, RacketDecision
 from core.chain.control.player import Player, PlayerState
 from core.chain.control.step_test import CommandLatency
-from core.chain.physics import chain_for_physics, expected_physics
 from core.config import check_settings, setting
+from core.detection.window import block_windows
 from core.errors import ConfigError, LinkError, RallyscopeError
 from core.live.link import messages as m
 from core.live.link.live_source import LiveSource
@@ -64,6 +62,8 @@ class _ReceivedBlock:
     """Arrival on the monotonic clock, s."""
     late_s: float
     """Delay from the sender's clock to its arrival; meaningful only on one machine."""
+    resumes: bool
+    """Whether it is the first one after a pause without listeners: none is missing before it."""
 
 
 _Item = m.Reply | _ReceivedBlock | m.Notice
@@ -94,6 +94,7 @@ class LivePlayer:
         self._waiting: deque[_Item] = deque()
         self._blocks_waiting = 0
         self._just_dropped = 0  # dropped between the last block played and the next one
+        self._woken = self._just_resumed = False  # the next block to arrive, or one of those just dropped, resumes
         self._stop = False
         self._pending: dict[int, list[m.EventBatch]] = {}  # the link's thread only
         self._session, self._cameras = "", {}
@@ -165,6 +166,11 @@ class LivePlayer:
         """Send commands, or only watch; without a robot it only watches."""
         self._playing = playing and self._source.robot is not None
 
+    def wake(self) -> None:
+        """Go on after a pause in which nobody listened to the source: blocks of that time are not missing."""
+        with self._changed:
+            self._woken = True
+
     def add_listener(self, listener: StateListener) -> None:
         """Add a listener for every new prediction, called in the player's thread: session, state, and the decision if
         one was sent.
@@ -201,6 +207,7 @@ class LivePlayer:
             self._pending.clear()
             self._waiting.clear()
             self._blocks_waiting = self._just_dropped = 0
+            self._just_resumed = False
             self._waiting.append(welcome)
             self._changed.notify()
 
@@ -218,7 +225,8 @@ class LivePlayer:
         with self._changed:
             if self._blocks_waiting >= MAX_WAITING:
                 self._drop_oldest()
-            self._waiting.append(_ReceivedBlock(state, batches, arrived_s, late_s))
+            self._waiting.append(_ReceivedBlock(state, batches, arrived_s, late_s, self._woken))
+            self._woken = False
             self._blocks_waiting += 1
             self._changed.notify()
 
@@ -234,6 +242,7 @@ class LivePlayer:
                 del self._waiting[index]
                 self._blocks_waiting -= 1
                 self._just_dropped += 1
+                self._just_resumed |= item.resumes
                 self._meter.dropped += 1
                 return
 
@@ -251,7 +260,8 @@ class LivePlayer:
                 self._blocks_waiting -= isinstance(item, _ReceivedBlock)
                 counted = self._just_dropped
                 if isinstance(item, _ReceivedBlock):
-                    self._just_dropped = 0
+                    resumes, self._just_resumed = self._just_resumed or item.resumes, False
+                    counted, self._just_dropped = None if resumes else counted, 0
                 fresh, self._new_config = self._new_config, False
             if isinstance(item, m.Reply):
                 self._begin(item)
@@ -305,13 +315,19 @@ class LivePlayer:
         physics = self._physics or PhysicsConfig()
         return controller.for_physics(physics if self._config.knows_physics else expected_physics(physics))
 
-    def _play(self, block: _ReceivedBlock, counted: int) -> None:
-        """Process a block; of the missing blocks before it, `counted` were dropped here, the others never came."""
+    def _play(self, block: _ReceivedBlock, counted: int | None) -> None:
+        """Process a block; of the missing blocks before it, `counted` were dropped here, the others never came.
+
+        None: nobody listened before it, so that none is missing.
+        """
         state, player = block.state, self._player
         if state.session != self._session:
             return
-        with self._changed:  # the link's thread counts too
-            self._meter.dropped += max(0, self._flight.blocks_missing(state) - counted)
+        if counted is None:
+            self._meter.resume()
+        else:
+            with self._changed:  # the link's thread counts too
+                self._meter.dropped += max(0, self._flight.blocks_missing(state) - counted)
         self._flight.see(state)
         if player is None:
             return

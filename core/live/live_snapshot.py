@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.chain.chain import BallPoint, ChainState
-from core.chain.control.decision import RacketDecision
+from core.chain.control.controller import RacketDecision
 from core.chain.control.player import PlayerState
 from core.physics.episode import Case
 from core.trajectory import Prediction
@@ -183,6 +183,10 @@ class LiveMeter:
     def note_block(self) -> None:
         """A block was played."""
         self.blocks += 1
+
+    def resume(self) -> None:
+        """Leave a pause that ends out of the rates."""
+        self._marks.clear()
 
     def health(self) -> PlayerHealth:
         """The figures; called by the player's own thread, whose time on the processor it takes."""

@@ -74,13 +74,20 @@ class StreamWatch:
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock, self._lock = clock, threading.Lock()
         self._names: tuple[str, ...] = ()
+        self._rests = False
         self._begin()
 
+    def rest(self) -> None:
+        """Nobody listens from now on: a source that sends nothing has not stopped, until `wake`."""
+        with self._lock:
+            self._rests = True
+
     def wake(self) -> None:
-        """Restart the watch after a pause without listeners."""
+        """Restart the watch after a pause without listeners: what was sent meanwhile is not lost."""
         with self._lock:
             self._received_s = self._clock()
             self._marks.clear()
+            self._rests, self._woken = False, True
 
     def health(self) -> StreamHealth:
         """The figures now."""
@@ -89,7 +96,7 @@ class StreamWatch:
                 CameraHealth(name, one.missing, self._t_us - one.seen_us, self._t_us - one.event_us)
                 for name, one in self._cameras.items()
             )
-            quiet_s = self._clock() - self._received_s
+            quiet_s = 0.0 if self._rests else self._clock() - self._received_s
             return StreamHealth(self._pace(), quiet_s, quiet_s >= self._patience_s, self._lost, cameras)
 
     def on_session(self, welcome: m.Reply) -> None:
@@ -116,8 +123,12 @@ class StreamWatch:
                 self._patience_s = max(STOPPED_S, blocks_s)
             if not self._cameras:
                 self._cameras = {name: _CameraCounts(state.start_us, state.start_us) for name in self._names}
-            elif state.start_us > self._t_us:
+            elif state.start_us > self._t_us and not self._woken:
                 self._lost += (state.start_us - self._t_us) // (state.t_us - state.start_us)
+            if self._woken:  # no camera was absent or silent while nobody listened
+                for one in self._cameras.values():
+                    one.seen_us, one.event_us = state.start_us, state.start_us
+            self._woken = False
             self._t_us = state.t_us
             self._marks.append((now_s, state.t_us))
             while len(self._marks) > 2 and now_s - self._marks[1][0] > SPAN_S:
@@ -140,6 +151,7 @@ class StreamWatch:
         """Current block: camera -> whether there are events in it."""
         self._marks: deque[tuple[float, int]] = deque()
         self._t_us = self._lost = 0
+        self._woken = False
         self._patience_s = STOPPED_S
         self._received_s = self._clock()
 

@@ -22,6 +22,8 @@ GRID_US: Final = 1000
 SETTLING_US: Final = 10_000
 """Time that a detector gets when a ball appears or comes out of an occlusion."""
 SLOW_PX_PER_MS: Final = 2.0
+LAG_FROM_PX_PER_MS: Final = 0.5
+"""Slowest ball that tells a lag: half a pixel off is a millisecond there."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,6 +68,25 @@ class GridScore:
         )
 
 
+def lag_ms(score: GridScore) -> float:
+    """Median time by which answers lag behind the ball, ms; 0 if there are none.
+
+    The part of an error along the ball's motion, over its speed. Sensor and method have one such delay together, which
+    is no error of the place: with the truth of a recording at hand it is taken out of every method alike.
+    """
+    telling = score.speed_px_per_ms >= LAG_FROM_PX_PER_MS
+    if not telling.any():
+        return 0.0
+    return float(-np.median(score.along_px[telling] / score.speed_px_per_ms[telling]))
+
+
+def errors_without_lag(score: GridScore, lag_ms: float) -> NDArray[np.float64]:
+    """(N,) errors in px as they would be with answers dated back by this lag."""
+    along = score.along_px + lag_ms * score.speed_px_per_ms
+    across_squared = np.maximum(score.error_px**2 - score.along_px**2, 0.0)
+    return np.sqrt(along**2 + across_squared)
+
+
 def score_on_grid(
     answers: WindowAnswers,
     truth: PixelTruth,
@@ -80,6 +101,15 @@ def score_on_grid(
 
     A time is found with an answer within half a window of it, or half a step of the grid if that is more. Only times
     (N,) where `counts` is true, of the grid and of the answers, are asked and counted; without it all of them.
+
+    Args:
+        answers: of a detector, a row per window.
+        truth: centre and radius of the ball over time.
+        sensor: size of the picture.
+        speeds_px_per_ms: from, and below, which speed of the image balls are asked for.
+        window_us: length of the detector's windows.
+        match_radius_px: distance up to which an answer is right.
+        counts: whether times (N,), us, are asked and counted.
     """
     low, high = speeds_px_per_ms
     grid = np.arange(truth.t_us[0], truth.t_us[-1], GRID_US) if len(truth.t_us) else np.empty(0, np.int64)

@@ -21,12 +21,21 @@ from core.learning.config import (
     LandingModelConfig,
     RunConfig,
 )
-from core.learning.runs.control import RunStatus, write_status
-from core.learning.runs.run_files import create_run, load_checkpoint, read_run, save_checkpoint, seed_files, seeds_of
+from core.learning.runs.run_files import (
+    RunStatus,
+    create_run,
+    load_checkpoint,
+    read_run,
+    save_checkpoint,
+    seed_files,
+    seeds_of,
+    write_status,
+)
 from core.physics.task import STAGE_SPEEDS_MPS
 
 Arrays = dict[str, NDArray[np.generic]]
-NOTHING: Final = "nothing"
+NOTHING: Final = "scratch (untrained)"
+"""In place of a run: no run of a workspace has such a name, with a space in it."""
 EXPLORATION: Final = ExplorationConfig(random_episodes=10, scale=0.1, decay=0.93, smallest=0.005)
 """Ten random strokes as in training; the noise falls faster, as people watch: 0.02 of the range after 22 balls."""
 

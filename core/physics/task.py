@@ -13,6 +13,7 @@ import numpy as np
 
 from core.config import check_settings, setting
 from core.physics.config import PhysicsConfig, Profile, physics_profile
+from core.physics.constants_file import FittedConstants
 
 STAGE_SPEEDS_MPS: Final = (3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
 """Serve speeds that the tables below list; between them they are interpolated."""
@@ -140,16 +141,17 @@ class TaskConfig:
         check_settings(self)
 
 
-def task_profile(profile: Profile) -> TaskConfig:
-    """The task with the physics called `paper` or `real`.
+def task_profile(profile: Profile, constants: FittedConstants | None = None) -> TaskConfig:
+    """The task with the physics called `paper` or `real`; the latter with fitted constants of air and table, if given.
 
     Drag and the table's friction take about half of a real ball's speed on its way, so the racket must be faster. With
     these speeds random actions return a third of the balls or more, as with those of `paper`; 19 % at 4 m/s and 8 % at
     3 m/s, where many balls come low and steeply down.
     """
-    if profile == "paper":
+    if profile == "paper" and constants is None:
         return TaskConfig()
     speeds = RacketSpeedConfig(
         at_3_mps=3.8, at_4_mps=3.0, at_5_mps=2.4, at_6_mps=1.8, at_7_mps=1.3, at_8_mps=1.0, at_9_mps=0.7
     )
-    return TaskConfig(physics=physics_profile(profile), stroke=StrokeConfig(racket_speed=speeds))
+    physics = physics_profile(profile) if constants is None else constants.physics()
+    return TaskConfig(physics=physics, stroke=StrokeConfig(racket_speed=speeds))

@@ -123,7 +123,12 @@ class SourceWithRobot:
             self._listeners.remove(listener)
 
     def listen(self, listening: bool) -> None:
-        """To the source; the robot is always heard."""
+        """Pass it to the source; the robot is always heard.
+
+        The session's time stands still during a pause, so that its clock is compared anew after each.
+        """
+        with self._lock:
+            self._clock = SessionClock()
         self._source.listen(listening)
 
     def close(self) -> None:

@@ -52,8 +52,9 @@ class LearnedConstants:
         """Filter configs of the next ball with their probabilities: without air, and with air for each process
         noise.
         """
-        through = self._with_constants(with_unknown_constants(config), NAMES)
-        found = [(self._with_constants(without_air(with_unknown_constants(config)), NAMES[1:]), 1 - self.air)]
+        known = _before_any_ball(config)
+        through = self._with_constants(known, NAMES)
+        found = [(self._with_constants(without_air(known), NAMES[1:]), 1 - self.air)]
         for share, air, bounce_mps in PROCESS_NOISE_KINDS:
             kind = through
             if air is not None and bounce_mps is not None:
@@ -90,9 +91,13 @@ class LearnedConstants:
         return dataclasses.replace(config, **constants)
 
 
+def _before_any_ball(config: FilterConfig) -> FilterConfig:
+    return config if config.has_fitted_constants else with_unknown_constants(config)
+
+
 def nothing_learned(config: FilterConfig) -> LearnedConstants:
-    """Constants before the first ball: the published ones."""
-    c = with_unknown_constants(config)
+    """Constants before the first ball: those fitted to other balls, or the published ones."""
+    c = _before_any_ball(config)
     return LearnedConstants(
         means=np.array([c.drag, c.restitution, c.friction]),
         variances=np.square([c.drag_sigma, c.restitution_sigma, c.friction_sigma]),

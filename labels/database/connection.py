@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 from urllib.parse import quote
 
 from core.errors import LabelError
@@ -30,18 +30,47 @@ NETWORK: Final = frozenset((
 _OCTAL = re.compile(r"\\([0-7]{3})")
 
 
+class Mount(NamedTuple):
+    """A row of `/proc/mounts`."""
+
+    source: str
+    kind: str
+    """Type of the file system."""
+    options: str
+
+    @property
+    def is_network(self) -> bool:
+        """Whether other machines may write to it."""
+        return self.kind.removeprefix("fuse.") in NETWORK
+
+    @property
+    def is_windows_disk(self) -> bool:
+        """Whether it is a disk of Windows, as a Linux within Windows (WSL) sees it: by 9p, virtiofs or its own type."""
+        served = any(option.startswith("aname=drvfs") for option in self.options.split(","))
+        return served or "drvfs" in (self.kind, self.source)
+
+
 def refuse_network_drive(path: Path, mounts: str | None = None) -> None:
-    """Do nothing for a path on a disk of this machine. `mounts` is the text of `/proc/mounts`; None: read it.
+    """Do nothing for a path on a disk of this system. `mounts` is the text of `/proc/mounts`; None: read it.
 
     Raises:
-        LabelError: if it is on a network drive.
+        LabelError: if it is on a network drive, or on a disk of Windows seen from WSL.
     """
-    kind = filesystem_of(path, _read_mounts() if mounts is None else mounts)
-    if kind is not None and kind.removeprefix("fuse.") in NETWORK:
+    mount = mount_of(path, _read_mounts() if mounts is None else mounts)
+    if mount is not None and mount.is_windows_disk:
+        # no other machine writes there, but SQLite's log needs memory and locks that all programs of a file share
+        raise LabelError(
+            "labels cannot be kept on a disk of Windows from within WSL: programs of Windows see no locks of it",
+            expected="a folder of the Linux system",
+            got=mount.kind,
+            where=path,
+            remedy="give --data a folder in your Linux home; Windows shows it under \\\\wsl.localhost",
+        )
+    if mount is not None and mount.is_network:
         raise LabelError(
             "labels cannot be kept on a network drive: two machines that write would damage them",
             expected="a disk of this machine",
-            got=kind,
+            got=mount.kind,
             where=path,
             remedy="choose a folder with --data, and copy the finished file",
         )
@@ -49,6 +78,12 @@ def refuse_network_drive(path: Path, mounts: str | None = None) -> None:
 
 def filesystem_of(path: Path, mounts: str) -> str | None:
     """Type of the file system of a path, which need not exist; None if the table does not tell."""
+    mount = mount_of(path, mounts)
+    return None if mount is None else mount.kind
+
+
+def mount_of(path: Path, mounts: str) -> Mount | None:
+    """The row of `/proc/mounts` that a path, which need not exist, lies on; None if there is none."""
     parts = path.resolve().parts
     best, depth = None, -1
     for line in mounts.splitlines():
@@ -57,7 +92,7 @@ def filesystem_of(path: Path, mounts: str) -> str | None:
             continue
         point = Path(_OCTAL.sub(lambda match: chr(int(match[1], 8)), fields[1])).parts
         if parts[: len(point)] == point and len(point) >= depth:  # of two on one place, the later one is seen
-            best, depth = fields[2], len(point)
+            best, depth = Mount(fields[0], fields[2], "".join(fields[3:4])), len(point)
     return best
 
 
@@ -91,10 +126,10 @@ def open_to_write(path: Path, recording_uuid: str) -> sqlite3.Connection:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise _not_writable(path, error.strerror) from error
-    with telling(path, "cannot write labels here"):
+    with sqlite_errors(path, "cannot write labels here"):
         db = _connect(path, "rwc")
     try:
-        with telling(path, "cannot write labels here"):
+        with sqlite_errors(path, "cannot write labels here"):
             _log_ahead(db)
             db.execute("PRAGMA synchronous = FULL")
             db.execute("PRAGMA foreign_keys = ON")
@@ -118,7 +153,7 @@ def open_to_read(path: Path, *, untouched: bool = False) -> sqlite3.Connection:
     """
     refuse_network_drive(path)
     log = path.with_name(f"{path.name}-wal")
-    with telling(path, "cannot read the labels"):
+    with sqlite_errors(path, "cannot read the labels"):
         if untouched and path.is_file() and not log.exists():
             return _checked(_connect(path, "ro&immutable=1"), path)
         try:
@@ -162,7 +197,7 @@ def transaction(db: sqlite3.Connection) -> Iterator[None]:
 
 
 @contextmanager
-def telling(path: Path, what: str, remedy: str = "") -> Iterator[None]:
+def sqlite_errors(path: Path, what: str, remedy: str = "") -> Iterator[None]:
     """Inside, an error of SQLite becomes one line.
 
     Raises:

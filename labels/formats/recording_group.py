@@ -12,8 +12,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from core.errors import LabelError
+from core.errors import LabelError, RecordingError
 from core.files import replacing
+from core.recordings.hdf5 import HDF5_ERRORS, dataset_at, group_at, has_item, kind_at, names_in, read_whole
 from labels.formats.exchange import Collector, Exported, ExportOptions, ImportContext, Imported, LabelSet
 from labels.formats.flat import COLUMNS, REQUIRED, Value, flat_row, label_of_row
 
@@ -77,32 +78,32 @@ def read_hdf5(path: Path, context: ImportContext) -> Imported:
     try:
         with h5py.File(path, "r") as file:
             read_labels(file, path, context, collector)
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:  # what h5py raises for damaged files
+    except (*HDF5_ERRORS, RecordingError) as error:
         collector.reject(path, 1, f"not a readable HDF5 file: {error}")
     return collector.done()
 
 
 def read_labels(file: h5py.File, path: Path, context: ImportContext, collector: Collector) -> None:
     """Read those of the context's camera, or of the only one in an open file."""
-    groups = file.get("labels")
-    names = sorted(groups) if isinstance(groups, h5py.Group) else []
+    groups = group_at(file, "labels") if has_item(file, "labels") else None
+    names = sorted(names_in(groups)) if groups is not None else []
     chosen = _group_name(context.camera) if context.camera else (names[0] if len(names) == 1 else "")
-    if not isinstance(groups, h5py.Group) or chosen not in names:
+    if groups is None or chosen not in names:
         collector.reject(path, 1, f"no labels of camera {context.camera!r}; under /labels are {names}")
         return
-    read_group(groups[chosen], path, context, collector)
+    if kind_at(groups, chosen) is not h5py.Group:  # or a link to another file, which is not followed
+        collector.reject(path, 1, "not a group of columns")
+        return
+    read_group(group_at(groups, chosen), path, context, collector)
 
 
 def _group_name(camera: str) -> str:
     return camera.replace("/", "%2F")
 
 
-def read_group(group: object, path: Path, context: ImportContext, collector: Collector) -> None:
+def read_group(group: h5py.Group, path: Path, context: ImportContext, collector: Collector) -> None:
     """The labels of one `/labels/<camera>`."""
-    if not isinstance(group, h5py.Group):
-        collector.reject(path, 1, "not a group of columns")
-        return
-    columns = {name: item[()] for name, item in group.items() if isinstance(item, h5py.Dataset) and name in COLUMNS}
+    columns = {name: read_whole(dataset_at(group, name)) for name in COLUMNS if kind_at(group, name) is h5py.Dataset}
     missing = set(REQUIRED) - set(columns)
     if missing or len({np.shape(column) for column in columns.values()}) != 1:
         collector.reject(path, 1, f"columns of /labels are missing or differ in length: {sorted(missing)}")

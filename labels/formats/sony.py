@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from core.errors import LabelError, RecordingError
 from core.files import replacing
+from core.recordings.hdf5 import HDF5_ERRORS, dataset_at, has_item, read_whole
 from core.recordings.sources.sony_rallies import LABEL_SUFFIX, read_t0_us
 from labels.formats.exchange import (
     Collector,
@@ -24,9 +25,8 @@ from labels.formats.exchange import (
     ExportOptions,
     ImportContext,
     Imported,
-    LabelFormat,
     LabelSet,
-    picture_name,
+    camera_stem,
 )
 from labels.formats.recording_group import read_labels, write_group
 from labels.model import LabelState
@@ -54,7 +54,7 @@ def write_sony(labels: LabelSet, folder: Path, options: ExportOptions) -> Export
         points[row] = label.x_px, label.y_px
         radius[row] = np.nan if label.r_px is None else label.r_px
         seconds[row] = label.t_us / 1e6
-    path = folder / _folder_name(labels.camera) / f"seq_000_rally{LABEL_SUFFIX}"
+    path = folder / camera_stem(labels.camera) / f"seq_000_rally{LABEL_SUFFIX}"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path, durable=True) as partial, h5py.File(partial, "w") as file:
@@ -71,11 +71,6 @@ def write_sony(labels: LabelSet, folder: Path, options: ExportOptions) -> Export
     return Exported((path,), losses)
 
 
-def _folder_name(camera: str) -> str:
-    """The folder of a camera, whatever its name is."""
-    return picture_name(camera, 0).rsplit("_t", 1)[0]
-
-
 def _velocities(points: NDArray[np.float64], seconds: NDArray[np.float64]) -> NDArray[np.float64]:
     """Finite differences, px/s; nan beside a gap."""
     if len(points) < 2:
@@ -90,7 +85,7 @@ def read_sony(path: Path, context: ImportContext) -> Imported:
     if file is not None:
         try:
             _read_file(file, context, collector)
-        except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:  # what h5py raises for damaged files
+        except (*HDF5_ERRORS, RecordingError) as error:
             collector.reject(file, 1, f"not a readable label file: {error}")
     return collector.done()
 
@@ -100,7 +95,7 @@ def _label_file(path: Path, context: ImportContext, collector: Collector) -> Pat
     if path.is_file():
         return path
     files = sorted({file for depth in ("*", "*/*", "*/*/*") for file in path.glob(depth + LABEL_SUFFIX)})
-    own = _folder_name(context.camera)
+    own = camera_stem(context.camera)
     files = [file for file in files if file.parent.name == own] or files
     if len(files) > 1 and context.camera:
         files = [file for file in files if _is_of_recording(file, context)] or files
@@ -127,10 +122,10 @@ def events_file_of(labels: Path) -> Path:
 def _read_file(path: Path, context: ImportContext, collector: Collector) -> None:
     with h5py.File(path, "r") as file:
         collector.files += 1
-        if "labels" in file:  # our own, with every field
+        if has_item(file, "labels"):  # our own, with every field
             read_labels(file, path, context, collector)
             return
-        points, radius = (np.asarray(file[name]) for name in ("points", "radius"))
+        points, radius = (read_whole(dataset_at(file, name)) for name in ("points", "radius"))
     if points.ndim != 2 or points.shape[1] != 2 or len(radius) != len(points):
         collector.reject(path, 1, f"points {points.shape} and radius {radius.shape} do not fit together")
         return
@@ -160,6 +155,3 @@ def _start_us(path: Path, context: ImportContext, collector: Collector) -> int |
     except RecordingError as error:
         collector.reject(path, 1, error)
         return None
-
-
-SONY = LabelFormat("sony", "Sony's rallies: HDF5 with a label each millisecond", write_sony, read_sony)

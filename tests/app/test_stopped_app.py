@@ -51,7 +51,7 @@ def test_browsers_of_an_app_that_was_stopped_go_on_and_what_they_pressed_meanwhi
             eventually(lambda: is_standing(app.process.pid), "all threads of the app to stand")
             browser.wait_quiet(PATIENCE_S)  # what it had sent before is read
             seen = browser.pictures
-            browser.trigger("Label: Ten on")
+            browser.trigger("Label: Ten times forward")
             time.sleep(STOPPED_S)
             browser.wait_quiet(PATIENCE_S)
             assert browser.pictures == seen, "a process that stands shows nothing"
@@ -59,7 +59,7 @@ def test_browsers_of_an_app_that_was_stopped_go_on_and_what_they_pressed_meanwhi
             browser.wait_picture(PATIENCE_S, after=seen)
             browser.wait_quiet(PATIENCE_S)
             seen = browser.pictures
-            browser.trigger("Label: Ten on")
+            browser.trigger("Label: Ten times forward")
             browser.wait_picture(PATIENCE_S, after=seen)
             other = BareBrowser(app.port)
             enter_label(other)

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from core import jit
+
 ROOT = Path(__file__).parents[2]
 CALLER = "from rooms.called import twice\nfrom core.jit import njit\n\n@njit\ndef six():\n    return 2 + twice(2)\n"
 CALLED = "from rooms.table import FACTOR\nfrom core.jit import njit\n\n@njit\ndef twice(x):\n    return FACTOR * x\n"
@@ -82,3 +84,21 @@ def test_a_folder_that_others_may_write_to_is_not_used(package, tmp_path) -> Non
     folder.chmod(0o777)
     assert run(package, tmp_path / "cache")[0] == 6
     assert not list(folder.iterdir())
+
+
+@pytest.mark.parametrize(("mode", "used"), [(0o777, False), (0o1777, True), (0o755, True)])
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="Windows has other rights")
+def test_a_folder_below_one_that_others_may_write_to_is_not_used(mode, used, tmp_path, monkeypatch) -> None:
+    above = tmp_path / "above"
+    above.mkdir()
+    above.chmod(mode)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(above / "cache"))
+    assert jit.cache_folder.__wrapped__() == (above / "cache" / "rallyscope-kernels" if used else None)
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="Windows has other rights")
+def test_a_link_to_the_cache_is_followed_once(tmp_path, monkeypatch) -> None:
+    (tmp_path / "place").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "place")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "link"))
+    assert jit.cache_folder.__wrapped__() == tmp_path.resolve() / "place" / "rallyscope-kernels"

@@ -124,6 +124,21 @@ def test_a_worker_elsewhere_must_have_the_same_file(tmp_path: Path) -> None:
         load_same_plugins({str(path): "0" * 64})
 
 
+def test_what_runs_is_what_is_hashed_and_no_code_that_python_kept(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    path = plugin(tmp_path, "colours.register('blue', 3)\n")
+    times = (1_000_000_000, 1_000_000_000)
+    os.utime(path, times)
+    with forgotten_afterwards():
+        load_plugin(path)
+    plugin(tmp_path, "colours.register('blue', 4)\n")  # of the same length, and as old as the one before
+    os.utime(path, times)
+    with forgotten_afterwards():
+        load_plugin(path)
+        assert COLOURS["blue"] == 4
+    assert not list(tmp_path.glob("**/*.pyc"))
+
+
 def test_an_entry_point_is_a_module_or_a_function(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "their_module.py").write_text(ADD + "colours.register('teal', 5)")
     (tmp_path / "their_function.py").write_text(ADD + "def add():\n    colours.register('pink', 6)")

@@ -102,7 +102,7 @@ def _optimize(raw: Path, path: Path) -> None:
     packed = raw.with_name("packed.rrd")
     command = [sys.executable, "-P", "-m", "rerun", "rrd", "optimize", raw.name, "-o", packed.name]
     # In their folder and by names of our own: Rerun takes no name that is not UTF-8.
-    done = subprocess.run(command, cwd=raw.parent, capture_output=True, text=True, errors="replace", check=False)
+    done = subprocess.run(command, cwd=raw.parent, capture_output=True, encoding="utf-8", errors="replace", check=False)
     if done.returncode or not packed.is_file():
         raise RecordingError("Rerun could not optimize its file", got=(done.stderr or done.stdout)[-300:])
     packed.replace(path)

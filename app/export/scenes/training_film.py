@@ -19,6 +19,7 @@ from app.scene.view_camera import standpoint
 from app.shared.training_records import AFTER_LANDING_S, Replay, ball_of_line, number, replay_ball
 from core.errors import CommandError
 from core.events import SensorSize
+from core.extras import require_package
 from core.history.rally_picture import LandingSpot
 from core.learning.runs.run_files import read_lines, read_run, seed_files
 from core.physics.episode import Case
@@ -119,6 +120,7 @@ def export_training_film(
         CommandError: if it has played no ball, or the file exists and `overwrite` is not set, or cannot be written.
         ExportCancelledError: if `cancelled()` is true; there is no file then.
     """
+    require_package("av", "a film")
     from app.export.film_file import film_file  # the encoder is loaded only for a film
 
     config = read_run(run)

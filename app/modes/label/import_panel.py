@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -15,7 +17,7 @@ from app.background.jobs import LatestWins
 from app.formatting import html_text, note_html
 from app.modes.label.annotator import annotator_from
 from app.modes.label.editor import LabelEditor
-from app.modes.label.import_files import (
+from app.modes.label.label_files import (
     FOLDER,
     ImportAsk,
     ImportPreview,
@@ -23,9 +25,12 @@ from app.modes.label.import_files import (
     preview_html,
     preview_import,
 )
+from app.modes.label.received_labels import place_label_file
 from app.modes.mode import ModeHost
+from app.web.pages import Json
 from app.widgets import Listing, titles_of, when_clicked
 from core.errors import CommandError, LabelError, RallyscopeError
+from core.files import end_unfinished
 from core.live.ring_recording import RingRecording
 from labels.formats import FORMATS
 from labels.store import LabelStore
@@ -33,6 +38,7 @@ from labels.store import LabelStore
 LIST_EVERY_S: Final = 2.0
 NO_TABLE: Final = "none"
 TOOL: Final = "rallyscope, Import labels"
+COMPARE: Final = "It is a label store: choose it in Compare and merge."
 IMPORTED: Final = "imported"
 """Whose labels they become, unless another name is given."""
 
@@ -41,10 +47,18 @@ class LabelImportPanel:
     """Controls of the import of labels in one browser, folded."""
 
     def __init__(
-        self, gui: viser.GuiApi, look: Callable[[], None], accept: Callable[[], None], discard: Callable[[], None]
+        self,
+        gui: viser.GuiApi,
+        upload: Callable[[], None],
+        look: Callable[[], None],
+        accept: Callable[[], None],
+        discard: Callable[[], None],
     ) -> None:
         self._titles = titles_of({name: kind.label or kind.name for name, kind in FORMATS.items()})
         with gui.add_folder("Import labels", expand_by_default=False):
+            sending = gui.add_button(
+                "Upload labels ...", icon=viser.Icon.UPLOAD, hint="A file, a ZIP or a label store of this computer"
+            )
             hint = f"A file or folder in the folder {FOLDER} of the workspace"
             self._files = Listing(gui, "Files", lambda title: None, hint=hint)
             self._format = gui.add_dropdown("Made by", tuple(self._titles.values()), hint="The format of the files")
@@ -65,6 +79,7 @@ class LabelImportPanel:
             self._picture = gui.add_image(np.zeros((2, 2, 3), np.uint8), visible=False)
             self._accept = gui.add_button("Accept", icon=viser.Icon.CHECK, color="green", visible=False)
             self._discard = gui.add_button("Discard", icon=viser.Icon.X, visible=False)
+        when_clicked(sending, upload)
         when_clicked(self._look, look)
         when_clicked(self._accept, accept)
         when_clicked(self._discard, discard)
@@ -94,6 +109,10 @@ class LabelImportPanel:
         """What lies in the folder."""
         self._files.offer(names)
         self._times.offer((NO_TABLE, *(name for name in names if name.lower().endswith(".csv"))))
+
+    def choose(self, name: str) -> None:
+        """Choose a file or folder of those that are offered."""
+        self._files.show(name)
 
     def show(self, html: str, picture: NDArray[np.uint8] | None, taken: int) -> None:
         """What would be taken, with its pictures; or a line about it."""
@@ -125,6 +144,7 @@ class LabelImports:
         self._listed_s = float("-inf")
         self._panel = LabelImportPanel(
             host.client.gui,
+            lambda: host.later(self._show_dialog),
             lambda: host.later(self._look),
             lambda: host.later(self._accept),
             lambda: host.later(self._discard),
@@ -147,6 +167,9 @@ class LabelImports:
             lambda _, found: host.later(lambda: self._panel.offer(tuple(found))),
             host.report,
         )
+        self._sent = 0
+        """Number of messages to the page, so that it tells them apart."""
+        host.receive(self._received, "labels")
 
     def tick(self, editor: LabelEditor, wall_s: float) -> None:
         """Look, now and then, which files there are."""
@@ -163,6 +186,39 @@ class LabelImports:
         """The browser is gone."""
         for worker in (self._previews, self._accepting, self._listing):
             worker.close()
+
+    def _tell_page(self, kind: str, **values: Json) -> None:
+        self._sent += 1
+        self._host.send_to_page(kind, {"number": self._sent, **values})
+
+    def _show_dialog(self) -> None:
+        self._tell_page("label_files_dialog")
+
+    def _received(self, path: Path) -> None:
+        """In the server's event loop: what the page sent goes where the import looks, off it."""
+        self._host.pool.submit(self._place, path)
+
+    def _place(self, path: Path) -> None:
+        host, workspace = self._host, self._host.services.workspace.root
+        try:
+            name = place_label_file(path, workspace)
+        except (LabelError, OSError) as error:
+            problem = f"{path.name}: {str(error).replace(f'{path.parent}{os.sep}', '')}"
+            host.later(lambda: self._tell_page("label_file", problem=problem))
+            return
+        finally:
+            end_unfinished(path.parent)
+        found = tuple(files_to_import(workspace))
+        host.later(lambda: self._placed(name, found))
+
+    def _placed(self, name: str, found: tuple[str, ...]) -> None:
+        self._tell_page("label_file", problem="")
+        self._discard()
+        self._panel.offer(found)
+        self._panel.choose(name)
+        of_store = name not in found
+        text = f"Uploaded: {name}. " + (COMPARE if of_store else "Choose what made it, then look at it.")
+        self._panel.show(note_html(html_text(text), theme.GOOD), None, 0)
 
     def _look(self) -> None:
         if self._editor is None:

@@ -112,7 +112,7 @@ class LabelPanel:
                 ("Accept steady segment (Enter)", "accept_segment", viser.Icon.CHECKS),
                 ("Accept whole flight (Shift space)", "accept_flight", viser.Icon.PLAYER_TRACK_NEXT),
                 ("Interpolate (Shift I)", "interpolate", viser.Icon.VECTOR_SPLINE),
-                ("Next suspicious (K)", "suspicious", viser.Icon.ALERT_TRIANGLE),
+                ("Next to check (K)", "suspicious", viser.Icon.ALERT_TRIANGLE),
                 ("Second look (Shift K)", "blind", viser.Icon.EYE_OFF),
             ):
                 when_clicked(gui.add_button(label, icon=icon), lambda name=name: actions.act(name))

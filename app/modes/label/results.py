@@ -14,7 +14,7 @@ from app import theme
 from app.export.unfinished import Cancelled, Progress
 from app.formatting import html_text, percent
 from app.modes.label.editor import LabelEditor
-from app.modes.label.label_files import LabelFiles, LabelFilesRequest, zip_label_files
+from app.modes.label.label_files import LabelFiles, LabelFilesRequest, copy_label_store, zip_label_files
 from app.modes.mode import ModeHost, download_export
 from app.state.commands import AskForScore
 from app.widgets import titles_of, when_clicked
@@ -25,23 +25,28 @@ from labels.store import LabelStore, has_labels
 STYLE: Final = "padding:2px 12px;font-size:12.5px;line-height:1.45"
 
 
+STORE: Final = "store"
+STORE_TITLE: Final = "Label store (all annotators)"
+FORMAT_HINT: Final = "A ZIP of your labels in this camera. The store has all cameras, annotators and changes"
+
+
 class LabelResultsPanel:
     """Controls of export and import of labels in one browser."""
 
     def __init__(
         self, gui: viser.GuiApi, score: Callable[[], None], export: Callable[[], None], cancel: Callable[[], None]
     ) -> None:
-        self._titles = titles_of({name: kind.label for name, kind in FORMATS.items()})
+        self._titles = titles_of({name: kind.label for name, kind in FORMATS.items()} | {STORE: STORE_TITLE})
         with gui.add_folder("With these labels"):
             scoring = gui.add_button(
                 "Score the detector", icon=viser.Icon.TARGET, hint="Tune's method and config against your labels here"
             )
-            self._format = gui.add_dropdown("Format", tuple(self._titles.values()))
+            self._format = gui.add_dropdown("Format", tuple(self._titles.values()), hint=FORMAT_HINT)
             self._pictures = gui.add_checkbox(
                 "With pictures", False, hint="A PNG of the events of each label; CSV has none"
             )
             self._export = gui.add_button(
-                "Export labels", icon=viser.Icon.DOWNLOAD, color="teal", hint="One ZIP file, downloaded"
+                "Download labels", icon=viser.Icon.DOWNLOAD, color="teal", hint="One file for this computer"
             )
             self._cancel = gui.add_button("Cancel", icon=viser.Icon.X, visible=False)
             self._status = gui.add_html("")
@@ -57,7 +62,7 @@ class LabelResultsPanel:
     @property
     def pictures(self) -> bool:
         """Whether pictures are wanted and the format has any."""
-        return bool(self._pictures.value) and FORMATS[self.format].pictures
+        return bool(self._pictures.value) and self.format != STORE and FORMATS[self.format].pictures
 
     def show(self, lines: tuple[str, ...], *, running: bool, failed: bool) -> None:
         """How the export goes, or how it ended."""
@@ -86,7 +91,7 @@ class LabelResults:
             lambda: host.later(self._cancel),
         )
         self._name: str | None = None
-        """Of the file that is being made."""
+        """Name of the file that is being made."""
         self._made: LabelFiles | None = None
         self._shown_s = float("-inf")
 
@@ -133,6 +138,9 @@ class LabelResults:
 
         def work(path: Path, progress: Progress, cancelled: Cancelled) -> tuple[Path, ...]:
             _wait_until_saved(editor)
+            if chosen == STORE:
+                self._made = copy_label_store(folder, layer.recording_uuid, path)
+                return (path,)
             request = LabelFilesRequest(
                 format=chosen,
                 recording_uuid=layer.recording_uuid,
@@ -145,9 +153,11 @@ class LabelResults:
             self._made = zip_label_files(request, path, progress, cancelled)
             return (path,)
 
-        stem = "-".join((self._recording_name, now.view.camera, layer.annotator, chosen))
+        of_store = chosen == STORE
+        what = ("labels",) if of_store else (now.view.camera, layer.annotator, chosen)
         self._made = None
-        self._name = self._host.services.exporter.start(stem, ".zip", work)
+        stem = "-".join((self._recording_name, *what))
+        self._name = self._host.services.exporter.start(stem, ".sqlite" if of_store else ".zip", work)
         self._shown_s = float("-inf")
 
     @property

@@ -20,6 +20,7 @@ from app.modes.label.labelling import CameraWork, Labelling
 from app.modes.label.sightings import FROM_OTHERS, draft_at
 from app.modes.label.sources import LabelSource
 from core.detection.saved import SavedDetector
+from core.metrics.at_times import LEAD_IN_US
 from core.recordings import CameraStream
 from labels.assist import (
     Proposals,
@@ -32,13 +33,11 @@ from labels.assist import (
     steady_segment,
     whole_flight,
 )
-from labels.assist.both_views import labelled_positions_at
 from labels.assist.propose import joined_proposals
 from labels.assist.review import QueueItem
-from labels.assist.stereo import median_residual_px
+from labels.assist.stereo import labelled_positions_at, median_residual_px
 from labels.assist.whole_flight import Doubt
 from labels.model import Label
-from labels.score import LEAD_IN_US
 from labels.store import LabelStore
 
 SEGMENT_US: Final = 2_000_000
@@ -328,7 +327,7 @@ def accept_segment(editor: LabelEditor) -> None:
     rows = steady_segment(proposals, now.t_us, stereo_residual_px=_stereo_residual_px(now, proposals))
     if not len(rows):
         text = "The proposals around the cursor contradict each other. Look at each: space accepts, R rejects."
-        editor.note("Not at once", text)
+        editor.note("Not accepted", text)
         return
     first_us, last_us = proposals.t_us[rows[[0, -1]]].tolist()
     labels = _accepted_labels(now, now.here, proposals, _times_between(now, first_us, last_us))
@@ -380,7 +379,7 @@ def accept_flight(editor: LabelEditor, cameras: tuple[str, ...], found: WholeFli
     text = f"{count} labels in {where}; Z takes back those of this camera."
     if doubted_us or elsewhere:
         others = "the other camera" if pair else "the other cameras"
-        text += f" Doubted: {len(doubted_us)} here, {elsewhere} in {others}. K leads through them."
+        text += f" To check: {len(doubted_us)} here, {elsewhere} in {others}. K leads through them."
     editor.note("Flight accepted", text, "green")
     editor.go_to(doubted_us[0] if doubted_us else now.grid.moved(found.end_us, +1))
 

@@ -16,7 +16,7 @@ from app.modes.train.form import PACES
 from app.modes.train.status import status_html
 from app.modes.train.view import Details, RunsView
 from app.widgets import Listing, when_clicked
-from core.learning.runs.control import RunCommand
+from core.learning.runs.run_files import RunCommand
 
 NEWEST: Final = "the newest"
 LAST_ONES: Final = "the last three"
@@ -54,7 +54,7 @@ class RunPanel:
         self._status = gui.add_html("")
         self._progress = gui.add_progress_bar(0.0, visible=False)
         self._pause = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, visible=False)
-        self._go_on = gui.add_button("Go on", icon=viser.Icon.PLAYER_PLAY, visible=False)
+        self._go_on = gui.add_button("Continue", icon=viser.Icon.PLAYER_PLAY, visible=False)
         self._resume = gui.add_button("Resume", icon=viser.Icon.PLAYER_TRACK_NEXT, visible=False)
         self._stop = gui.add_button("Stop", icon=viser.Icon.PLAYER_STOP, color="red", visible=False)
         self._play = gui.add_button(

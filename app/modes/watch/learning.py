@@ -25,8 +25,6 @@ SHOWN: Final = 300
 """Number of newest balls in the chart."""
 RANGE_MM: Final = (1.0, 2000.0)
 """Range of the logarithmic chart; values beyond it, or unknown, are drawn at its edge."""
-SCRATCH: Final = "scratch"
-"""How a start without a policy is shown."""
 STYLE: Final = "font-size:12.5px;padding:2px 12px;line-height:1.45"
 
 
@@ -39,8 +37,7 @@ def learning_html(progress: LearningProgress | None, *, on: bool) -> str:
     """HTML of the progress; empty before learning began."""
     if progress is None:
         return ""
-    start = SCRATCH if progress.start == NOTHING else progress.start
-    lines = [f"<b>{balls_text(progress.learned)} learned from</b>, started from {html_text(start)}"]
+    lines = [f"<b>{balls_text(progress.learned)} learned from</b>, started from {html_text(progress.start)}"]
     if progress.balls:
         back, of = progress.returned_lately
         _, medians = progress.errors_mm()
@@ -181,10 +178,8 @@ class LearningPanel:
     @property
     def _chosen_start(self) -> str:
         """Name of the chosen run, or `NOTHING`."""
-        chosen = self._start.chosen
-        return NOTHING if chosen is None or chosen == SCRATCH else chosen
+        return self._start.chosen or NOTHING
 
     def _find_starts(self) -> None:
         starts = start_choices(self._host.services.workspace)
-        shown = tuple(SCRATCH if start == NOTHING else start for start in starts)
-        self._host.later(lambda: self._start.offer(shown))
+        self._host.later(lambda: self._start.offer(starts))

@@ -1,6 +1,6 @@
 // Open file: a dialog with what the server offers, files that are dropped onto the page, and how far opening is.
 {
-  const MOST_BYTES = 200e6, PIECE_BYTES = 1 << 18, AHEAD = 4, SHOWN_S = 45;
+  const MOST_BYTES = 200e6, SHOWN_S = 45;
   const dialog = document.createElement("dialog");
   dialog.id = "rallyscope-files";
   dialog.setAttribute("aria-labelledby", "rallyscope-files-title");
@@ -162,38 +162,15 @@
     if (upload || importing || !question.hidden) return say("A file is being opened already; wait for it, or cancel it.");
     if (file.size > MOST_BYTES)
       return say(`${file.name} has ${Math.ceil(file.size / 1e6)} MB, and up to 200 MB can be sent. Put it into the server's folder of recordings instead.`);
-    const socket = new WebSocket(rallyscope.socketUrl("/rallyscope/upload", { page: rallyscope.page }));
-    const mine = (upload = { socket, got: 0, sent: 0, whole: false });
-    const fail = (why) => { if (upload === mine) { upload = null; work(null); say(`${file.name}: ${why}`); } socket.close(); };
-    const more = async () => {
-      if (mine.reading) return;
-      mine.reading = true;
-      try {
-        while (mine.sent < file.size && mine.sent - mine.got < AHEAD * PIECE_BYTES && socket.readyState === WebSocket.OPEN) {
-          const piece = await file.slice(mine.sent, mine.sent + PIECE_BYTES).arrayBuffer();
-          if (!piece.byteLength) throw new Error("empty");
-          mine.sent += piece.byteLength;
-          socket.send(piece);
-        }
-      } catch {
-        fail("This browser could not read it; it may be a folder, or have changed meanwhile.");
-      }
-      mine.reading = false;
-    };
-    socket.onopen = () => socket.send(JSON.stringify({ name: file.name, size: file.size }));
-    socket.onmessage = (event) => {
-      const said = JSON.parse(event.data);
-      if (said.refused) return fail(said.refused);
-      if (said.got) mine.got = said.got;
-      mine.whole = mine.got >= file.size;
-      if (upload === mine) work(mine.whole ? `Opening ${file.name} ...` : `Sending ${file.name} ...`, mine.whole ? 0 : mine.got / file.size);
-      more();
-    };
-    socket.onclose = () => { if (mine.whole) { if (upload === mine) upload = null; } else fail("The connection ended before it was sent."); };
+    const mine = (upload = rallyscope.upload(file, "recording", {
+      onProgress: (share) => { if (upload === mine) work(share < 1 ? `Sending ${file.name} ...` : `Opening ${file.name} ...`, share < 1 ? share : 0); },
+      onRefused: (why) => { if (upload === mine) { upload = null; work(null); say(`${file.name}: ${why}`); } },
+      onSent: () => { if (upload === mine) upload = null; },
+    }));
     work(`Sending ${file.name} ...`, 0);
   };
   const cancel = () => {
-    if (upload) { const { socket } = upload; upload = null; socket.onclose = null; socket.close(); }
+    if (upload) { upload.cancel(); upload = null; }
     rallyscope.send("files", { do: "cancel" });
     work(null);
   };

@@ -84,7 +84,7 @@ class FastDetector:
             circles, u, v, r, evidence = find_ball(
                 columns, centre_px, self._on_leads, self._settings, self._memory_for(events)
             )
-            detection = Detection(window.end_us, u, v, r) if circles else None
+            detection = Detection(window.end_us - config.localise.delay_us, u, v, r) if circles else None
         found_px = (detection.u_px, detection.v_px) if detection else None
         self._missed = None if detection else (Window(events, window.start_us, window.end_us), before)
         self.extra_circles = max(0, circles - 1)

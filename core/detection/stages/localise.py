@@ -19,12 +19,16 @@ TOLERANCE_PX: Final = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LocaliseConfig:
-    """Size limits of a ball in the picture."""
+    """Size limits of a ball in the picture, and when it was there."""
 
     radius_min_px: float = setting(4.0, 1.0, 100.0, step=0.5)
     """A table-tennis ball at the far end of the table, seen with a focal length of 1000 px: about 5 px."""
     radius_max_px: float = setting(24.0, 2.0, 200.0, step=0.5)
     """The nearest ball, about 20 px, plus what it moves during a window."""
+    delay_us: int = setting(0, -2000, 5000, step=10)
+    """Delay of the sensor and the method: an estimate is valid this long before the end of its window, the paper's at
+    its end. Less than 0 where the circle round the leading edge lies ahead of the ball by more than the sensor's delay:
+    -290 in simulated flights of 5 to 9 m/s."""
 
     def __post_init__(self) -> None:
         check_settings(self)

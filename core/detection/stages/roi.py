@@ -44,10 +44,13 @@ Centre = tuple[float, float]
 
 def roi_around(centre_px: Centre | None, config: RoiConfig) -> Roi | None:
     """The region around the last centre; None means the whole sensor (paper, adaptive ROI)."""
-    if centre_px is None or not config.enabled:
-        return None
-    (u, v), expand = centre_px, config.roi_expand_px
-    return Roi(math.ceil(u - expand), math.floor(u + expand), math.ceil(v - expand), math.floor(v + expand))
+    return None if centre_px is None or not config.enabled else square_around(centre_px, config.roi_expand_px)
+
+
+def square_around(centre_px: Centre, half_px: float) -> Roi:
+    """The pixels at most `half_px` to each side of a centre."""
+    u, v = centre_px
+    return Roi(math.ceil(u - half_px), math.floor(u + half_px), math.ceil(v - half_px), math.floor(v + half_px))
 
 
 def inside_roi(events: Events, roi: Roi) -> NDArray[np.bool_]:

@@ -27,6 +27,8 @@ SILENT_S: Final = 60.0
 """Longest silence of a listening server during the handshake: it may be starting on a slow machine."""
 EVERYTHING: Final = b""
 """All topics."""
+STATE: Final = b"state"
+"""Topic of the message that ends a block."""
 HELLO_S: Final = 3.0
 """Longest wait for an answer to one handshake: where no server is, that is to be known soon, however patient one is."""
 ASK_AGAIN_S: Final = 0.2
@@ -265,17 +267,20 @@ class SimulationClient:
         secure(socket, self._keys)
         socket.connect(self.address)
         subscribed: bytes | None = None
+        within_block = False
         try:
             while not self._stop.is_set():
                 topic = EVERYTHING if self._listening else m.ALIVE
-                if topic != subscribed:
+                if topic != subscribed and not within_block:  # else the rest of the block would be lost
                     socket.subscribe(topic)
                     if subscribed is not None:
                         socket.unsubscribe(subscribed)
                     subscribed, self._last_seq = topic, 0  # messages of other topics do not count as lost
                 if not socket.poll(100):
+                    within_block = False
                     continue
                 parts = socket.recv_multipart()
+                within_block = parts[0] not in (m.ALIVE, STATE)
                 try:
                     self._dispatch(m.decode(parts[-1], m.KINDS), only_alive=parts[0] == m.ALIVE)
                 except LinkError as error:

@@ -248,6 +248,7 @@ class SimulationServer:
         self._world = SimulatedWorld(world, self._cameras, seed, recorded=self._recorded)
         self._world.set_noise(self._noise_hz)
         self._anchor()
+        self._unpublished: Block | None = None
         self._quiet_since_us = -AUTO_SERVE_PAUSE_US
         self._beat_s = self._alive_s = 0.0
         self._factor = 0.0
@@ -269,6 +270,9 @@ class SimulationServer:
             self._beat()
             self._anchor()
             return
+        if self._unpublished is not None:
+            block, self._unpublished = self._unpublished, None
+            self._publish(block)
         self._serve_by_itself()
         session, began_s = self._session, self._clock()
         block = self._world.advance()
@@ -288,6 +292,10 @@ class SimulationServer:
                     self._beat()
             if self._clock() - due_s > LATE_S:
                 self._anchor()
+        self._hear_of_subscribers()
+        if not self.attended:  # the last one left while the block was computed: who comes next gets it
+            self._unpublished = block
+            return
         self._publish(block)
         if not self._paused:
             self._keep_pace(spent_s, self._clock() - began_s)

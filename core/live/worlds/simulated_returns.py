@@ -14,15 +14,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from core.chain.control.controller import BuiltInController, ControllerConfig
-from core.chain.control.decision import RacketDecision
+from core.chain.control.controller import BuiltInController, ControllerConfig, RacketDecision
 from core.config import check_settings, setting
 from core.errors import ConfigError
+from core.extras import require_package
 from core.metrics.charts import heat_map
 from core.metrics.score import binomial_interval
 from core.physics.ball_states import join_serves
@@ -31,9 +31,11 @@ from core.physics.episode import Case, Serves
 from core.physics.task import TaskConfig
 from core.simulation.episodes.ball_outcome import BallOutcome, RallyClassifier
 from core.simulation.episodes.incoming import Incoming, fly_incoming
-from core.simulation.episodes.mujoco_rally import MujocoRally
 from core.simulation.episodes.racket import RacketConfig
 from core.text import markdown_table
+
+if TYPE_CHECKING:
+    from core.simulation.episodes.mujoco_rally import MujocoRally
 
 Array = NDArray[np.float64]
 
@@ -104,6 +106,9 @@ def play_recorded_states(
     fate = np.full(len(balls), ReturnOutcome.NOT_PLAYABLE, np.int8)
     error_m = np.full(len(balls), np.nan)
     controller = BuiltInController(config.task, config.controller)
+    require_package("mujoco", "playing recorded balls")
+    from core.simulation.episodes.mujoco_rally import MujocoRally  # late: MuJoCo may not be installed
+
     rally = MujocoRally(config.task, config.racket, dt_s=1e-3 * config.step_ms)
     judge = RallyClassifier(config.task)
     for i in np.flatnonzero(found.incoming == Incoming.PLAYABLE):

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from core.cameras import Camera
 from core.config import check_settings, setting
 from core.events import Events
+from core.extras import require_package
 from core.jit import njit
 from core.physics import TaskConfig
 from core.physics.rotation import normals_from_orientations
@@ -27,7 +28,6 @@ from core.simulation.bodies import MovingBodies, make_actors
 from core.simulation.episodes import draw_serves
 from core.simulation.episodes.ball_outcome import BallOutcome, RallyClassifier, RallyEvent
 from core.simulation.episodes.incoming import RecordedServes
-from core.simulation.episodes.mujoco_rally import MujocoRally
 from core.simulation.episodes.racket import RacketConfig, RacketTarget, check_target
 from core.simulation.event_cameras.event_camera import BLOCK_US, EventCamera
 from core.simulation.flights import BallStates, VisibleRange
@@ -246,6 +246,9 @@ class SimulatedWorld:
         self.config = config
         self._recorded = recorded
         self.seed = seed
+        require_package("mujoco", "the simulated rally")
+        from core.simulation.episodes.mujoco_rally import MujocoRally  # late: MuJoCo may not be installed
+
         self.rally = MujocoRally(config.task, config.racket, dt_s=config.step_ms * 1e-3)
         self._judge = RallyClassifier(config.task)
         self._rng, *camera_rngs = (

@@ -23,7 +23,7 @@ import struct
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -112,14 +112,12 @@ def decode_one_by_one(path: str, kinds: dict[int, str], wanted: int | None, star
             if packet.track != wanted and kinds[packet.track] != "triggers":
                 continue
             send(b"N", struct.pack("<Q", packet.number))
-            with tempfile.NamedTemporaryFile(suffix=".aedat4") as alone:
-                alone.write(wide + data[packet.start : packet.end])
-                alone.flush()
-                try:
-                    found = [(item, content) for item, content in aedat.Decoder(alone.name)]
-                except BaseException as error:  # noqa: BLE001 - a panic of Rust is no Exception
-                    send(b"L", describe(error))
-                    continue
+            try:
+                with decoder_of(wide + data[packet.start : packet.end]) as alone:
+                    found = [(item, content) for item, content in alone]
+            except BaseException as error:  # noqa: BLE001 - a panic of Rust is no Exception
+                send(b"L", describe(error))
+                continue
             if not found:
                 send(b"L", b"the packet is empty")
             for item, content in found:
@@ -130,10 +128,21 @@ def read_tracks(path: str) -> list[aedat.Track]:
     """The tracks that the header lists."""
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         header, _ = read_header(data)
-    with tempfile.NamedTemporaryFile(suffix=".aedat4") as alone:
-        alone.write(header)
-        alone.flush()
-        return aedat.Decoder(alone.name).tracks()
+    with decoder_of(header) as alone:
+        return alone.tracks()
+
+
+@contextmanager
+def decoder_of(content: bytes) -> Iterator[aedat.Decoder]:
+    """Context manager with the decoder of a file of this content.
+
+    The file is closed before faery opens it: Windows opens none twice that was made to vanish when it is closed.
+    """
+    with tempfile.TemporaryDirectory(prefix="rallyscope-", ignore_cleanup_errors=True) as folder:
+        path = os.path.join(folder, "alone.aedat4")
+        with open(path, "wb") as file:
+            file.write(content)
+        yield aedat.Decoder(path)
 
 
 def read_header(data: mmap.mmap) -> tuple[bytes, int]:

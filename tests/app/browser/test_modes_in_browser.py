@@ -63,7 +63,7 @@ def test_labels_are_exported_and_the_detector_is_scored_against_them(window, wor
     page.get_by_label("Format", exact=True).first.click()
     page.get_by_role("option", name="COCO").click()
     with page.expect_download() as waiting:
-        window.press("Export labels")
+        window.press("Download labels")
     waiting.value.save_as(tmp_path / "labels.zip")
     (made,) = workspace.exports.glob("*.zip")
     assert made.name == "serve-left-anna-coco-1.zip" and (tmp_path / "labels.zip").read_bytes() == made.read_bytes()

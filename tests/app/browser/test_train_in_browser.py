@@ -175,7 +175,7 @@ def a_stop_is_confirmed_and_the_run_goes_on_from_there(window, trainer: Trainer)
     assert newest(trainer).phase == "running"
     window.page.get_by_role("button", name="Pause").click()
     eventually(lambda: phase(trainer) == "paused", "a pause")
-    window.page.get_by_role("button", name="Go on").click()
+    window.page.get_by_role("button", name="Continue").click()
     eventually(lambda: phase(trainer) == "running", "it to go on")
     window.page.get_by_role("button", name="Stop", exact=True).click()
     window.press("Yes, stop it")

@@ -38,9 +38,12 @@ def test_rows_are_said_as_they_are_measured(monkeypatch, capsys) -> None:
     assert said.err == "scene dark, ratio 2.000\n" and json.loads(said.out) == {"rows": rows}
 
 
-def test_without_a_checkout_it_says_where_the_benches_are(monkeypatch, capsys, tmp_path) -> None:
+@pytest.mark.parametrize("verb", [["bench", "prediction"], ["train-detector", "yolo", "--out", "weights"]])
+def test_without_a_checkout_it_says_where_the_benches_are(verb: list[str], monkeypatch, capsys, tmp_path) -> None:
     monkeypatch.setattr(bench, "CHECKOUT", tmp_path)
-    assert main(["bench", "prediction"]) == 2
+    monkeypatch.chdir(tmp_path)
+    assert main(verb) == 2
+    assert not list(tmp_path.iterdir()), "nothing is begun"
     error = capsys.readouterr().err
     assert "not installed with the package" in error and "clone the repository" in error and error.count("\n") == 1
 

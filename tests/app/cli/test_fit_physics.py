@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from app.cli import main
+from core.physics.constants_file import read_constants
 from core.physics.fit_flights import simulate_flight, with_constants
 
 pytestmark = pytest.mark.numeric
@@ -25,9 +26,13 @@ def files(tmp_path) -> list[str]:
     return paths
 
 
-def test_it_prints_what_it_found_and_how_well_it_predicts(files, capsys) -> None:
-    assert main(["fit-physics", *files, "--samples", "2", "--json"]) == 0
+def test_it_prints_what_it_found_and_how_well_it_predicts(files, tmp_path, capsys) -> None:
+    written = tmp_path / "constants.json"
+    assert main(["fit-physics", *files, "--samples", "2", "--json", "--out", str(written)]) == 0
     report = json.loads(capsys.readouterr().out)
+    assert json.loads(written.read_text()) == report
+    fitted = read_constants(written)  # what `--constants` of other verbs reads
+    assert fitted.drag_coefficient == (report["drag_coefficient"]["value"], report["drag_coefficient"]["sigma"])
     assert report["drag_coefficient"]["value"] == pytest.approx(0.45, abs=0.03)
     assert report["restitution"]["value"] == pytest.approx(0.9, abs=0.02)
     assert report["flights"] == {"fit": 4, "test": 2}

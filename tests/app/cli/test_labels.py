@@ -115,7 +115,7 @@ def test_a_detector_is_scored_against_the_labels(
         blind.put(Label(t_us=MIDDLE_US, state=LabelState.VISIBLE, x_px=160.0, y_px=120.0))
     code, text, _ = call(capsys, "score", *common(recording, data))
     assert code == 0
-    assert "the annotator's own noise: median" in text
+    assert "annotator noise: median" in text
     code, text, _ = call(capsys, "score", *common(recording, data), "--streaming", "--delay-us", "2000", "--json")
     assert code == 0
     again = json.loads(text)

@@ -7,7 +7,7 @@ import pytest
 
 from app.cli import main
 from core.physics.config import physics_profile
-from core.physics.fit_flights import simulate_flight
+from core.physics.fit_flights import simulate_flight, with_constants
 
 pytestmark = pytest.mark.numeric
 GRAVITY = 9.81
@@ -245,3 +245,33 @@ def test_a_flight_that_ends_within_what_is_observed_is_predicted(points, tmp_pat
     assert main(["predict", str(short), "--out", str(tmp_path / "pred.json")]) == 0
     found = json.loads((tmp_path / "pred.json").read_text())
     assert found["positions"] == [] and found["bounces"]
+
+
+def write_constants(path: Path, drag: float, restitution: float, friction: float) -> Path:
+    named = {"drag_coefficient": drag, "restitution": restitution, "friction": friction}
+    report = {name: {"value": value, "sigma": 0.005} for name, value in named.items()}
+    path.write_text(json.dumps(report | {"magnus_coefficient": 0.1}))
+    return path
+
+
+def test_fitted_constants_predict_the_world_that_they_were_fitted_to(tmp_path) -> None:
+    dead = with_constants(0.1, 0.42, 0.78, 0.30)  # a table far from any published one
+    t_s = np.arange(0, 0.6, 0.004)
+    ps = simulate_flight(np.array([1.2, 0.05, 0.25, -4.5, 0.1, 1.0, 0, 0, 0]), t_s, dead)
+    points = write_points(tmp_path / "dead.csv", t_s, ps)
+    constants = write_constants(tmp_path / "constants.json", 0.42, 0.78, 0.30)
+    errors_m = {}
+    for name, given in (("constants", ["--constants", str(constants)]), ("nothing", [])):
+        out = tmp_path / f"{name}.json"
+        assert main(["predict", str(points), *given, "--out", str(out)]) == 0
+        found = np.array([position["p_world_m"] for position in json.loads(out.read_text())["positions"]])
+        errors_m[name] = np.linalg.norm(found - ps[-len(found) :], axis=1)[-1]
+    assert errors_m["constants"] < 0.3 * errors_m["nothing"]
+
+
+@pytest.mark.parametrize("also", [["--physics", "paper"], ["--method", "paper"]])
+def test_the_papers_way_has_constants_of_its_own(points, also: list[str], tmp_path, capsys) -> None:
+    constants = write_constants(tmp_path / "constants.json", 0.42, 0.78, 0.30)
+    given = ["predict", str(points), "--out", str(tmp_path / "out.json"), "--constants", str(constants)]
+    assert main([*given, *also]) == 2
+    assert "--constants" in capsys.readouterr().err

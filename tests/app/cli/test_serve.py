@@ -102,6 +102,8 @@ def test_its_own_simulation_is_told_the_physics_and_the_balls(tmp_path) -> None:
     states.write_text(json.dumps([dict(zip(keys, (0, 1.2, 0.35, 0, -5.0, 1.0, 0, 0, 0), strict=True))]))
     told = ["--physics", "paper", "--ball-states", str(states)]
     assert serve.own_simulation(asked(*told), "live") == told
+    assert serve.own_simulation(asked("--constants", "constants.json"), "live") == ["--constants", "constants.json"]
+    assert serve.own_simulation(asked("--constants", "constants.json"), None) == [], "of what follows a recording"
     assert serve.own_simulation(asked(), None) == []
 
 

@@ -11,14 +11,13 @@ import numpy as np
 import pytest
 
 from app.cli.main import main
+from benchmarks.detector_training import run as training
+from benchmarks.detector_training.crops import BallStreak, draw_streak
+from benchmarks.detector_training.run import score_sharp
 from core.config import save_config
-from core.detection.yolo.config import YoloConfig
+from core.detection.yolo.config import DetectorTrainingConfig, YoloConfig
 from core.detection.yolo.weights import load_weights
 from core.events import Events, SensorSize
-from core.learning.detector_training import run as training
-from core.learning.detector_training.config import DetectorTrainingConfig
-from core.learning.detector_training.crops import BallStreak, draw_streak
-from core.learning.detector_training.run import score_sharp
 from core.recordings import PixelTruth, RecordingWriter
 from tests.waiting import PATIENCE_S, eventually
 

@@ -1,5 +1,6 @@
 """A policy that learns in the live rally of the app, without a browser."""
 
+import shutil
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -55,6 +56,9 @@ def test_balls_are_learned_from_while_it_plays_and_only_then(live: LiveRally, tm
     learning.save(workspace.run_path("learned-live-1"))
     assert run_choices(workspace) == ("learned-live-1",)
     assert start_choices(workspace) == (NOTHING, "learned-live-1")
+    learning.save(workspace.run_path("scratch"))  # a name as good as any
+    assert learning_start(workspace, "scratch").name == "scratch" and NOTHING not in run_choices(workspace)
+    shutil.rmtree(workspace.run_path("scratch"))
     learning.begin()  # from where it was
     assert learning.on and len(balls_of(learning)) >= 2
     learning.reset(learning_start(workspace, "learned-live-1"))

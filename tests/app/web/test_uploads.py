@@ -12,7 +12,7 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from app.web import Admission, Gateway
-from app.web.uploads import MAX_AT_ONCE, MAX_PIECE_BYTES, MAX_UPLOAD_BYTES, safe_name
+from app.web.uploads import MAX_AT_ONCE, MAX_LABELS_BYTES, MAX_PIECE_BYTES, MAX_UPLOAD_BYTES, safe_name
 from tests.waiting import PATIENCE_S, eventually
 
 PAGE = "page-that-is-open"
@@ -106,6 +106,27 @@ def test_what_cannot_be_a_file_is_refused_before_a_byte_of_it(door, folder, rece
     with uploading(door) as socket:
         assert says in announce(socket, name, size)["refused"]
     assert not list(folder.iterdir()) and not received
+
+
+def test_labels_go_to_who_takes_labels_and_have_a_limit_of_their_own(door, folder, received) -> None:
+    def announce_labels(purpose: object, size: int) -> dict:
+        with uploading(door) as socket:
+            socket.send(json.dumps({"name": "a.csv", "size": size, "purpose": purpose}))
+            answer = said(socket)
+            if "ready" in answer:
+                socket.send(b"x" * size)
+                said(socket)
+        return answer
+
+    assert "takes no such file" in announce_labels("labels", 3)["refused"]
+    labels: list[Path] = []
+    door.pages.uploads.open(PAGE, labels.append, "labels")
+    assert announce_labels("labels", 3) == {"ready": True}
+    eventually(lambda: labels, "the labels")
+    assert labels[0].read_bytes() == b"xxx" and not received
+    assert "up to 50 MB" in announce_labels("labels", MAX_LABELS_BYTES + 1)["refused"]
+    for purpose in ("plugin", 1, ["labels"], None):
+        assert "upload was invalid" in announce_labels(purpose, 3)["refused"]
 
 
 @pytest.mark.parametrize("first", ["no json", "[" * 50_000, "[1]", b"\x00\x01"])

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from core.data_sets import plan_data_set, run_data_set
-from core.data_sets.card import CROISSANT
+from core.data_sets.croissant import CROISSANT
 from core.data_sets.index import INDEX, SCHEMA, read_index
 from core.data_sets.plan import Making
 from core.events import SensorSize

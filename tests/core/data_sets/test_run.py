@@ -12,7 +12,7 @@ import pytest
 
 from core.cameras import stereo_preset
 from core.data_sets import CARD, MANIFEST, DataSetPlan, plan_data_set, preset_plan, read_manifest, run_data_set
-from core.data_sets.card import CROISSANT
+from core.data_sets.croissant import CROISSANT
 from core.data_sets.facts import make_recording, partial_path, read_facts
 from core.data_sets.index import INDEX
 from core.data_sets.plan import Making

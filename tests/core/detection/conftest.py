@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.detector_training.crops import BallStreak, draw_streak
+from benchmarks.detector_training.pool import LabelledPictures
 from core.detection.window import windows_between
 from core.detection.yolo.weights import YoloWeights, load_weights
 from core.events import CameraFrame, Events, SensorSize, Window
-from core.learning.detector_training.crops import BallStreak, draw_streak
-from core.learning.detector_training.pool import LabelledPictures
 from tests.drawn_circles import draw_circles
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from core.config import replace_setting
-from core.detection import ReferenceDetector, TrackState, auto_config, paper_config, trace_window
+from core.detection import FastDetector, ReferenceDetector, TrackState, auto_config, paper_config, trace_window
 from core.detection.fast.cluster import grid_labels
 from core.events import Events, SensorSize, Window
 
@@ -31,6 +31,14 @@ def test_a_dark_ball_is_found_on_its_leading_edge_by_auto_and_lags_behind_for_th
         off = [np.hypot(d.u_px - flight.centre(d.t_us)[0], d.v_px - flight.centre(d.t_us)[1]) for d in found]
         errors[config.polarity.leading_polarity] = np.median(off)
     assert errors["auto"] < 2.5 < 5.0 < errors["on"]
+
+
+def test_the_stated_time_is_the_end_of_the_window_less_the_delay_on_both_paths(make_scene, make_flight) -> None:
+    config = replace_setting(auto_config(), ("localise", "delay_us"), 430)
+    scene = make_scene(make_flight(du_px_per_ms=2.5), duration_us=30_000)
+    for detector in (ReferenceDetector(config), FastDetector(config)):
+        ends = [(window.end_us, one.t_us) for window in scene.windows() if (one := detector.step(window)) is not None]
+        assert len(ends) > 5 and all(t_us == end_us - 430 for end_us, t_us in ends)
 
 
 def test_the_stages_are_in_order_and_each_gets_what_the_one_before_kept(

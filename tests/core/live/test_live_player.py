@@ -231,6 +231,21 @@ def test_a_server_that_is_killed_and_started_again_is_played_on() -> None:
     client.close()
 
 
+def test_what_others_hear_while_nobody_listens_here_is_not_missing(rally) -> None:
+    client, player, _ = rally
+    other = SimulationClient(client.address, timeout_s=PATIENCE_S)
+    other.wait_for_messages()
+    client.listen(False)
+    eventually(lambda: not client.state.ends_block, "a sign of life at rest")
+    stood_us, dropped = player.snapshot.t_us, player._meter.dropped
+    eventually(lambda: client.state.t_us - stood_us > 500_000, "50 blocks for the other listener")
+    player.wake()
+    client.listen(True)
+    eventually(lambda: player.snapshot.t_us > stood_us + 500_000, "it to be played on")
+    assert player._meter.dropped - dropped < 50  # of a busy machine, which may be too slow for the first ones
+    other.close()
+
+
 @pytest.mark.gate
 def test_what_it_cannot_follow_is_dropped_and_nobody_waits_for_it(rally) -> None:
     """A listener holds the player up for 30 blocks at every prediction; link and simulation go on."""

@@ -118,6 +118,20 @@ def test_a_source_that_says_nothing_has_stopped_unless_nobody_listened(watch, wa
     assert not watch.health().stopped, "a simulation whose clock stands still"
 
 
+def test_what_is_sent_while_nobody_listens_is_neither_lost_nor_silent_nor_stopped(watch, wall):
+    send(watch, 0, left=1, right=1)
+    watch.rest()
+    wall.s += 60.0
+    assert not watch.health().stopped and watch.health().quiet_s == 0.0
+    watch.wake()
+    send(watch, 6000, left=1, right=0)
+    health = watch.health()
+    assert health.blocks_lost == 0 and not health.stopped
+    assert [(one.blocks_missing, one.lost, one.silent) for one in health.cameras] == [(0, False, False)] * 2
+    send(watch, 6003, left=1, right=1)
+    assert watch.health().blocks_lost == 2
+
+
 def test_a_source_that_is_asked_to_be_slow_is_waited_for(watch, wall):
     watch.on_state(replace(ending(0, BLOCK_US), speed_factor=0.01))
     wall.s += 2.5

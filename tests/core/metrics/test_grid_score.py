@@ -7,7 +7,7 @@ import pytest
 
 from core.events import SensorSize
 from core.metrics import WindowAnswers
-from core.metrics.grid_score import GridScore, image_velocity, score_on_grid
+from core.metrics.grid_score import GridScore, errors_without_lag, image_velocity, lag_ms, score_on_grid
 from core.recordings import PixelTruth
 
 pytestmark = pytest.mark.numeric
@@ -114,3 +114,17 @@ def test_scores_add_up() -> None:
     assert (both.asked, both.found, both.answers, both.false, len(both.error_px)) == (15, 10, 14, 2, 9)
     assert both.recall == pytest.approx(10 / 15) and both.precision == pytest.approx(12 / 14)
     assert math.isnan(GridScore().recall) and math.isnan(GridScore().error_at(50))
+
+
+def test_answers_that_lag_behind_have_their_lag_and_no_error_without_it() -> None:
+    late = answers(EVERY_MS, off_u=-0.4 * 3.0, off_v=0.25)
+    found = score(late, truth())
+    assert lag_ms(found) == pytest.approx(0.4, abs=0.01)
+    assert errors_without_lag(found, 0.4) == pytest.approx(np.full(len(found.error_px), 0.25), abs=0.01)
+    assert errors_without_lag(found, 0.0) == pytest.approx(found.error_px)
+
+
+def test_slow_balls_and_no_answers_tell_no_lag() -> None:
+    assert lag_ms(GridScore()) == 0.0
+    slow = GridScore(2, 2, 2, 0, np.array([1.0, 1.2]), np.array([-1.0, -1.2]), np.array([0.1, 3.0]))
+    assert lag_ms(slow) == pytest.approx(0.4)

@@ -44,3 +44,23 @@ def test_a_network_drive_is_refused_with_one_line_that_says_what_to_do(path: str
 def test_disks_of_this_machine_and_systems_without_a_table_are_taken(tmp_path: Path) -> None:
     refuse_network_drive(Path("/mnt/team/far/disk/x"), MOUNTS)
     refuse_network_drive(tmp_path, "")
+
+
+WSL = r"""/dev/sdc / ext4 rw,relatime 0 0
+C:\134 /mnt/c 9p rw,noatime,dirsync,aname=drvfs;path=C:\;uid=1000;gid=1000,mmap,access=client,trans=fd 0 0
+D: /mnt/d drvfs rw,noatime,uid=1000,gid=1000,case=off 0 0
+drvfs /mnt/e virtiofs rw,relatime 0 0
+share /mnt/share virtiofs rw,relatime 0 0
+"""
+
+
+@pytest.mark.parametrize("path", ["/mnt/c/Users/anna/labels", "/mnt/d/x", "/mnt/e/x"])
+def test_a_disk_of_windows_is_called_what_it_is_and_the_line_names_the_linux_home(path: str) -> None:
+    with pytest.raises(LabelError, match=r"a disk of Windows.*--data a folder in your Linux home") as error:
+        refuse_network_drive(Path(path), WSL)
+    assert "\n" not in str(error.value) and path in str(error.value) and "network" not in str(error.value)
+
+
+def test_other_folders_of_such_a_linux_are_taken() -> None:
+    for path in ("/home/anna/labels", "/mnt/share/labels"):
+        refuse_network_drive(Path(path), WSL)

@@ -8,7 +8,7 @@ import pytest
 
 from core.errors import RecordingError
 from core.events import SensorSize
-from core.recordings import import_recording, open_recording
+from core.recordings import ImportOrder, import_recording, open_recording
 from labels.formats import FORMATS, ExportOptions, ImportContext, LabelSet
 from labels.model import Label, LabelState, PositionSource
 
@@ -46,7 +46,7 @@ def test_all_cameras_of_a_rally_are_on_the_clock_of_their_t0(tmp_path):
     write_rally(tmp_path, "evsA", 1_000_000)
     write_rally(tmp_path, "evsB", 1_002_000)
     (tmp_path / "rig.yaml").write_text(YAML)
-    import_recording([tmp_path / "h5"], tmp_path / "out.h5")
+    import_recording(ImportOrder([tmp_path / "h5"]), tmp_path / "out.h5")
     with open_recording(tmp_path / "out.h5") as recording:
         first, second = (recording.cameras[name].slice(0, 20_000) for name in ("evsA", "evsB"))
         assert first.t_us[:3].tolist() == [0, 3, 6]
@@ -63,11 +63,11 @@ def test_all_cameras_of_a_rally_are_on_the_clock_of_their_t0(tmp_path):
 def test_a_rally_whose_size_nobody_tells_is_refused_and_several_are_listed(tmp_path):
     here = write_rally(tmp_path, "evsA", 5)
     with pytest.raises(RecordingError, match="does not say how large the sensor is; give --width and --height"):
-        import_recording([here / "seq_001_a.h5"], tmp_path / "out.h5")
-    import_recording([here / "seq_001_a.h5"], tmp_path / "out.h5", sensor=SENSOR)
+        import_recording(ImportOrder([here / "seq_001_a.h5"]), tmp_path / "out.h5")
+    import_recording(ImportOrder([here / "seq_001_a.h5"], sensor=SENSOR), tmp_path / "out.h5")
     write_rally(tmp_path, "evsA", 5, name="seq_002_b")
     with pytest.raises(RecordingError, match=r"several rallies; got 2: seq_001_a\.h5, seq_002_b\.h5"):
-        import_recording([tmp_path / "h5"], tmp_path / "other.h5", sensor=SENSOR)
+        import_recording(ImportOrder([tmp_path / "h5"], sensor=SENSOR), tmp_path / "other.h5")
 
 
 def test_labels_lie_in_the_middle_of_their_millisecond_on_the_clock_of_the_recording(tmp_path):
@@ -101,3 +101,23 @@ def test_what_is_written_has_the_columns_of_the_layout(tmp_path):
         assert file["radius"][:].tolist() == [4, 4, 4, 4]
         np.testing.assert_allclose(file["velocities"][:], [[2000, 0]] * 4)
         np.testing.assert_allclose(file["timestamps"][:], [0.0005, 0.0015, 0.0025, 0.0035])
+
+
+@pytest.mark.parametrize("name", ["points", "labels"])
+def test_labels_that_are_a_link_to_another_file_are_not_read(name, tmp_path):
+    here = write_rally(tmp_path, "evsA", 0)
+    theirs, path = tmp_path / "theirs.h5", here / "seq_001_a_label.h5"
+    with h5py.File(theirs, "w") as file:
+        file["points"] = np.full((5, 2), 50.0)
+        for column, value in {"t_us": [7], "state": [b"visible"], "x_px": [5.0], "y_px": [6.0], "r_px": [4.0]}.items():
+            file[f"labels/evsA/{column}"] = value
+    with h5py.File(path, "r+") as file:
+        file.pop(name, None)
+        file[name] = h5py.ExternalLink(str(theirs), f"/{name}")
+    read = FORMATS["sony"].read(path, ImportContext(SENSOR, None, "", "evsA"))
+    assert 50.0 not in [label.x_px for label in read.labels] and 7 not in [label.t_us for label in read.labels]
+    assert len(read.labels) == (0 if name == "points" else 4)
+    with h5py.File(theirs, "r+") as file:
+        file["labels/other"] = h5py.ExternalLink(str(path), "/")
+    read = FORMATS["hdf5"].read(theirs, ImportContext(SENSOR, None, "", "other"))
+    assert not read.labels and "not a group of columns" in read.rejections[0].reason

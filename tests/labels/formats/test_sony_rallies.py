@@ -19,7 +19,7 @@ from benchmarks.labels.label_shifts import (
     write_capture,
     write_labels,
 )
-from core.recordings import import_recording, open_recording
+from core.recordings import ImportOrder, import_recording, open_recording
 
 CAMERA = NAMES["left"]
 
@@ -52,7 +52,7 @@ def test_the_3d_reference_becomes_the_ground_truth_in_the_tables_frame(capture: 
         assert "the calibration's frame W" in note
 
 
-@pytest.mark.parametrize("what", ["no labels", "another frame", "columns", "2 ms"])
+@pytest.mark.parametrize("what", ["no labels", "labels elsewhere", "another frame", "columns", "2 ms"])
 def test_a_reference_that_cannot_be_placed_is_left_out_with_the_reason(
     capture: Capture, what: str, tmp_path: Path
 ) -> None:
@@ -63,6 +63,11 @@ def test_a_reference_that_cannot_be_placed_is_left_out_with_the_reason(
         lines = table.read_text().splitlines()
         if what == "no labels":
             (tmp_path / "h5" / name / f"{capture.name}_label.h5").unlink()
+        elif what == "labels elsewhere":
+            labels = tmp_path / "h5" / name / f"{capture.name}_label.h5"
+            labels.rename(tmp_path / f"{name}.h5")
+            with h5py.File(labels, "w") as file:
+                file["points"] = h5py.ExternalLink(str(tmp_path / f"{name}.h5"), "/points")
         elif what == "another frame":
             rows = [line.split(",") for line in lines[1:]]
             far = [",".join([t, *(f"{float(x) + 9:.6f}" if x else "" for x in p), *v]) for t, *p, v in
@@ -72,12 +77,17 @@ def test_a_reference_that_cannot_be_placed_is_left_out_with_the_reason(
             table.write_text("\n".join([lines[0].replace("pos_x_label", "x"), *lines[1:]]))
         else:
             table.write_text("\n".join([lines[0], *lines[1::2]]))
-    import_recording([tmp_path / "h5"], tmp_path / "out.h5")
+    import_recording(ImportOrder([tmp_path / "h5"]), tmp_path / "out.h5")
     with open_recording(tmp_path / "out.h5") as recording:
         assert recording.ball is None
         notes = [note for note in recording.notes if "is left out" in note]
         assert len(notes) == 2
-        reason = {"no labels": "not beside", "columns": "expected the columns", "2 ms": "not 1 ms apart"}
+        reason = {
+            "no labels": "not beside",
+            "labels elsewhere": "a link to another file",
+            "columns": "expected the columns",
+            "2 ms": "not 1 ms apart",
+        }
         assert reason.get(what, "in no frame it fits") in notes[0]
 
 

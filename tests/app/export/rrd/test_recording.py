@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import rerun as rr
 from PIL import Image
+from rerun.error_utils import strict_mode
 
 from app.cli import main
 from app.export.rrd.camera import EventStage, PictureJob, make_picture
@@ -31,7 +32,7 @@ SPAN = Span(100_000, 260_000)
 
 @pytest.fixture(autouse=True)
 def _strict():
-    before = rr.strict_mode()
+    before = strict_mode()
     rr.set_strict_mode(True)
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -6,14 +6,13 @@ import math
 import numpy as np
 import pytest
 
-from core.detection.yolo.config import YoloConfig
+from benchmarks.detector_training.pool import TrainingPictures
+from benchmarks.detector_training.training import new_state, run_steps
+from core.detection.yolo.config import DetectorTrainingConfig, YoloConfig
 from core.detection.yolo.detector import YoloDetector, find_circles
 from core.detection.yolo.weights import SHIPPED, YoloWeights, load_weights
 from core.events import CameraFrame, Events, SensorSize, Window
 from core.jobs.control import one_torch_thread
-from core.learning.detector_training.config import DetectorTrainingConfig
-from core.learning.detector_training.pool import TrainingPictures
-from core.learning.detector_training.training import new_state, run_steps
 
 pytestmark = pytest.mark.numeric
 SENSOR = SensorSize(160, 160)

@@ -20,4 +20,4 @@ def test_nothing_that_does_not_use_the_network_loads_it(modules: str) -> None:
     code = f"import {modules}, sys; print(*sys.modules)"
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=PATIENCE_S)
     loaded = set(ended.stdout.split())
-    assert not {"torch", "core.detection.yolo.network", "core.learning.detector_training.training"} & loaded
+    assert not {"torch", "core.detection.yolo.network", "benchmarks.detector_training.training"} & loaded

@@ -1,0 +1,49 @@
+"""What we use of viser beside its public interface is there, and one line says so where it is not."""
+
+import sys
+from pathlib import Path
+
+import pytest
+import viser
+
+from app import viser_parts
+from app.viser_parts import PARTS, check_parts, read_page, websocket_server
+from core.errors import PackageError
+
+
+def test_all_parts_are_there() -> None:
+    check_parts()
+    head, rest = read_page()
+    assert head.startswith("<!") and "</html>" in rest
+
+
+@pytest.mark.parametrize(("module", "attribute"), PARTS)
+def test_a_part_that_has_moved_is_named_with_the_version_to_install(module: str, attribute: str, monkeypatch) -> None:
+    __import__(module)
+    owner = sys.modules[module]
+    *path, name = attribute.split(".")
+    for part in path:
+        owner = getattr(owner, part)
+    monkeypatch.delattr(owner, name)
+    with pytest.raises(PackageError) as error:
+        check_parts()
+    assert f"lacks {module}.{attribute}" in str(error.value)
+    assert "pip install 'viser==" in str(error.value) and "\n" not in str(error.value)
+
+
+def test_a_page_without_its_title_is_named(tmp_path: Path, monkeypatch) -> None:
+    (tmp_path / "client" / "build").mkdir(parents=True)
+    (tmp_path / "client" / "build" / "index.html").write_text("<html><title>Another</title></html>")
+    monkeypatch.setattr(viser, "__file__", str(tmp_path / "__init__.py"))
+    with pytest.raises(PackageError, match=r"index\.html"):
+        check_parts()
+
+
+def test_a_server_without_its_websocket_server_is_named() -> None:
+    with pytest.raises(PackageError, match="_websock_server"):
+        websocket_server(object())  # type: ignore[arg-type]
+
+
+def test_the_version_that_is_named_is_the_pinned_one() -> None:
+    constraints = (Path(__file__).parents[2] / "constraints.txt").read_text(encoding="utf-8").split()
+    assert f"viser=={viser_parts.TESTED}" in constraints
