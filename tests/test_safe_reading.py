@@ -29,7 +29,7 @@ from core.recordings import open_recording
 from core.text import parse_json
 from core.yaml_loader import UntaggedLoader
 from labels.formats.documents import DocumentError, parse_xml
-from labels.records import unpack_line
+from labels.journal import unpack_line
 from tests.sources import ROOT, SOURCES, name_of, tree_of
 from tests.waiting import PATIENCE_S
 

@@ -21,8 +21,7 @@ from app.cli.event_cameras import (
 )
 from app.cli.progress import progress_bar
 from app.cli.replay import REPLAY, open_replay, read_replay
-from app.cli.tables import format_table
-from app.cli.terminal import say
+from app.cli.terminal import format_table, say
 from core.errors import CommandError, RallyscopeError
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from core.chain.control.decision import RacketDecision
+from core.chain.control.controller import RacketDecision
 from core.learning.config import RewardConfig
 from core.learning.task.reward import reward_weights, rewards_of
 from core.live.link import messages as m

@@ -1,13 +1,15 @@
 """A lens from pictures of a board: OpenCV's calibration, with the pictures that do not fit left out and named.
 
-A fisheye lens (Kannala-Brandt) is fitted by OpenCV's `fisheye.calibrate`, with its uncertainty.
+Fisheye lenses (Kannala-Brandt) are fitted by OpenCV's `fisheye.calibrate`, with their uncertainty. A lens is written as
+OpenCV's FileStorage YAML for names that end in .yaml or .yml, as our own TOML for all others.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 import cv2
@@ -16,11 +18,15 @@ from numpy.typing import NDArray
 
 from core.cameras.calibration.board import Board, board_pose
 from core.cameras.calibration.coverage import coverage
+from core.cameras.calibration_file import save_calibration
 from core.cameras.camera import Camera
 from core.cameras.distortion import LensModel, fold_radius
 from core.cameras.lens_kernel import FOLD_ANGLE
 from core.errors import CalibrationError
 from core.events import SensorSize
+from core.files import replace_file
+
+Array = NDArray[np.float64]
 
 FISHEYE_PARAMETERS: Final = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")
 STOP: Final = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 200, 1e-9)
@@ -102,8 +108,6 @@ def _calibrate(
     turns, moves = ([np.asarray(one, np.float64) for one in each] for each in (rvecs, tvecs))
     return float(rms), np.asarray(K, np.float64), np.asarray(coefficients, np.float64), turns, moves
 
-
-Array = NDArray[np.float64]
 
 PICTURES_AT_LEAST: Final = 6
 """Three would do for the equations; with fewer than six nothing shows that one of them is bad."""
@@ -262,3 +266,31 @@ def _check_count(count: int, given: int) -> None:
             got=f"{count}{left}",
             remedy="take 15 to 30, tilted, near and far, also in the corners of the picture",
         )
+
+
+YAML_SUFFIXES = (".yaml", ".yml")
+
+
+def save_lens(path: Path, name: str, camera: Camera, *, notes: Mapping[str, float | str] | None = None) -> None:
+    """Write one camera, replacing the file in one step. OpenCV's form has no names, but room for the notes.
+
+    Raises:
+        CalibrationError: if the file cannot be written.
+    """
+    if path.suffix.lower() not in YAML_SUFFIXES:
+        save_calibration(path, {name: camera})
+        return
+    storage = cv2.FileStorage(".yaml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
+    storage.write("image_width", camera.sensor.width_px)
+    storage.write("image_height", camera.sensor.height_px)
+    storage.write("camera_matrix", camera.K)
+    storage.write("distortion_coefficients", camera.distortion[None])
+    if camera.model == "fisheye":
+        storage.write("distortion_model", "equidistant")
+        storage.write("fisheye_model", 1)
+    for key, value in (notes or {}).items():
+        storage.write(key, value)
+    try:
+        replace_file(path, storage.releaseAndGetString().encode(), durable=True)
+    except OSError as error:
+        raise CalibrationError("cannot write the calibration", got=error.strerror, where=path) from error

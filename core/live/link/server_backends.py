@@ -21,10 +21,9 @@ from core.learning.task.environment import ServeBatch, strokes_of
 from core.live.link import messages as m
 from core.live.link.client import HELLO_S, SimulationClient
 from core.live.link.guard import ClientKeys
-from core.live.worlds.outcomes import outcomes_of
 from core.outcomes.environment_backend import SeenBlock
 from core.physics.episode import Outcomes
-from core.simulation.episodes.ball_outcome import BallOutcome
+from core.simulation.episodes.ball_outcome import BallOutcome, outcomes_of
 from core.simulation.episodes.racket import RacketConfig, RacketTarget, check_target, target_for_ball
 
 Array = NDArray[np.float64]
@@ -32,7 +31,7 @@ PATIENCE_S: Final = 30.0
 """Longest wait for the events of one block, and for an answer to a command."""
 
 
-class LinkEnvironmentBackend:
+class ServerWorld:
     """Steps the server block by block. Nobody else should command it meanwhile. `close` it.
 
     Ball rows, contacts, circles and outcomes that the server publishes are not looked at.
@@ -151,8 +150,8 @@ BALL_PATIENCE_S: Final = 60.0
 """Timeout for a ball; it takes about a second of computing."""
 
 
-class LinkEpisodeBackend:
-    """Plays balls in a server: it serves exactly the balls that the training deals, so outcomes are those at home.
+class ServerEpisodes:
+    """Plays balls in a server: it serves exactly the balls that the training draws, so outcomes are those at home.
 
     The clock of the server is stepped as fast as it computes. Nobody else should command it meanwhile.
     """
@@ -184,17 +183,17 @@ class LinkEpisodeBackend:
     def begin(self, seed: int) -> None:
         """Do nothing: the server's random numbers do not affect a training."""
 
-    def observe(self, delivery: ServeBatch) -> ServeBatch:
+    def observe(self, batch: ServeBatch) -> ServeBatch:
         """Return the batch, which already contains its observations."""
-        return delivery
+        return batch
 
-    def play(self, delivery: ServeBatch, action: Array) -> Outcomes:
+    def play(self, batch: ServeBatch, action: Array) -> Outcomes:
         """Launch the ball, send the racket, wait for the notice of the outcome.
 
         Raises:
             LinkError: if the server refuses, or does not answer in time.
         """
-        serves, target = delivery.serves, self._target(delivery, action)
+        serves, target = batch.serves, self._target(batch, action)
         p, v, spin = (tuple(row[0].tolist()) for row in (serves.ps_m, serves.vs_mps, serves.spins_radps))
         self._client.rest_racket()
         launched_us = self._client.launch(p, v, spin).t_us
@@ -227,13 +226,13 @@ class LinkEpisodeBackend:
         if isinstance(notice, m.OutcomeNotice):
             self._notices.put(notice)
 
-    def _target(self, delivery: ServeBatch, action: Array) -> RacketTarget | None:
+    def _target(self, batch: ServeBatch, action: Array) -> RacketTarget | None:
         """Where the racket goes, in seconds since the serve; None if the ball was not seen."""
-        strokes = strokes_of(delivery, action, self._environment)
-        arrivals = delivery.arrivals
+        strokes = strokes_of(batch, action, self._environment)
+        arrivals = batch.arrivals
         p_m = arrivals.states[0, :3] if strokes.aim_ps_m is None else strokes.aim_ps_m[0]
         t_s = float(arrivals.t_s[0] if strokes.aim_t_s is None else strokes.aim_t_s[0])
-        if not delivery.seen[0] or math.isnan(t_s):
+        if not batch.seen[0] or math.isnan(t_s):
             return None
         return target_for_ball(p_m, strokes.qs_wxyz[0], strokes.vs_mps[0], t_s)
 

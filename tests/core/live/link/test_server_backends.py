@@ -13,8 +13,8 @@ from core.errors import LinkError
 from core.learning.config import EnvironmentConfig
 from core.learning.task.environment import evaluation_balls, play
 from core.live.link.client import SimulationClient
-from core.live.link.linked_backend import LinkEnvironmentBackend
 from core.live.link.server import ServerConfig, SimulationServer
+from core.live.link.server_backends import ServerWorld
 from core.outcomes.perceived_backend import PerceivedBackend
 from tests.waiting import PATIENCE_S, eventually
 
@@ -36,8 +36,8 @@ def server() -> Iterator[SimulationServer]:
 def test_a_stroke_in_a_server_is_judged_by_its_events(
     server: SimulationServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("core.live.link.linked_backend.PATIENCE_S", PATIENCE_S)
-    backend = PerceivedBackend(EVENTS, LinkEnvironmentBackend(server.address))
+    monkeypatch.setattr("core.live.link.server_backends.PATIENCE_S", PATIENCE_S)
+    backend = PerceivedBackend(EVENTS, ServerWorld(server.address))
     try:
         truth = evaluation_balls(6.0, 1, EVENTS)
         ball = backend.observe(truth)
@@ -55,7 +55,7 @@ def test_a_stroke_in_a_server_is_judged_by_its_events(
 def test_the_first_block_is_heard_however_late_the_subscription_is(
     server: SimulationServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("core.live.link.linked_backend.PATIENCE_S", PATIENCE_S)
+    monkeypatch.setattr("core.live.link.server_backends.PATIENCE_S", PATIENCE_S)
     receive = SimulationClient._receive
 
     def receive_late(client: SimulationClient) -> None:
@@ -63,7 +63,7 @@ def test_the_first_block_is_heard_however_late_the_subscription_is(
         receive(client)
 
     monkeypatch.setattr(SimulationClient, "_receive", receive_late)
-    world_backend = LinkEnvironmentBackend(server.address)
+    world_backend = ServerWorld(server.address)
     try:
         assert world_backend.advance().events.keys() == world_backend.cameras.keys()
     finally:
@@ -71,10 +71,10 @@ def test_the_first_block_is_heard_however_late_the_subscription_is(
 
 
 def test_a_court_that_began_anew_says_so(server: SimulationServer, monkeypatch: pytest.MonkeyPatch) -> None:
-    world_backend = LinkEnvironmentBackend(server.address)
+    world_backend = ServerWorld(server.address)
     try:
         first = world_backend.advance()
-        monkeypatch.setattr("core.live.link.linked_backend.PATIENCE_S", 2.0)
+        monkeypatch.setattr("core.live.link.server_backends.PATIENCE_S", 2.0)
         assert first.events.keys() == world_backend.cameras.keys() and world_backend.now_us == first.end_us
         world_backend._client.reset(5)
         with pytest.raises(LinkError, match="no events of a block"):

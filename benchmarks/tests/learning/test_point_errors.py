@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from benchmarks.learning.point_errors import SeenFlight, fit_point_errors
 from core.learning.config import EnvironmentConfig
 from core.learning.task.environment import draw_serve_batch
-from core.learning.task.timed_points import MEASURED, SeenFlight, fit_point_errors
+from core.learning.task.timed_points import MEASURED
 from core.simulation.episodes.closed_form import sample_serves
 
 pytestmark = pytest.mark.numeric
