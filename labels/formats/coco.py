@@ -31,7 +31,7 @@ from labels.formats.exchange import (
     whole_number,
     write_text,
 )
-from labels.formats.labelled_pictures import Picture, Place, Shape, read_pictures
+from labels.formats.labelled_pictures import DrawnShape, Picture, Place, read_pictures
 from labels.model import Label, LabelState
 
 OCCLUDED, VISIBLE = 1, 2
@@ -95,7 +95,7 @@ def _pictures_in(text: str, file: Path, context: ImportContext, collector: Colle
         return []
     balls = _ball_categories(document, file, context, collector)
     images = _images_by_id(document, file, collector)
-    shapes: dict[str, list[Shape]] = {image_id: [] for image_id in images}
+    shapes: dict[str, list[DrawnShape]] = {image_id: [] for image_id in images}
     lost = 0
     for entry in _objects(document["annotations"], "annotation", file, collector):
         with collector.entry(file, entry.line):
@@ -104,7 +104,9 @@ def _pictures_in(text: str, file: Path, context: ImportContext, collector: Colle
             lost -= 1
             if image_id not in images:
                 raise LabelError("an annotation of an image that is not listed", got=image_id)
-            shapes[image_id].append(Shape(entry.line, partial(_label_of_ball, entry, images[image_id], balls, context)))
+            shapes[image_id].append(
+                DrawnShape(entry.line, partial(_label_of_ball, entry, images[image_id], balls, context))
+            )
     return [
         Picture(
             file=file,

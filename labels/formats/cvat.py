@@ -33,9 +33,9 @@ from labels.formats.exchange import (
     write_text,
 )
 from labels.formats.labelled_pictures import (
+    DrawnShape,
     Picture,
     Place,
-    Shape,
     Stated,
     add_pictures,
     parse_files,
@@ -164,7 +164,7 @@ def _picture_of(image: XmlNode, file: Path, context: ImportContext) -> Picture:
         size=(image.attributes.get("width"), image.attributes.get("height")),
         index=index,
         whole=whole,
-        shapes=[Shape(shape.line, partial(_label_of, shape, context)) for shape in image.children],
+        shapes=[DrawnShape(shape.line, partial(_label_of, shape, context)) for shape in image.children],
     )
 
 

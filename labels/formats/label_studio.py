@@ -32,7 +32,7 @@ from labels.formats.exchange import (
     picture_name,
     write_text,
 )
-from labels.formats.labelled_pictures import Picture, Place, Shape, read_pictures, stated_size
+from labels.formats.labelled_pictures import DrawnShape, Picture, Place, read_pictures, stated_size
 from labels.model import Label, LabelState
 
 PICTURE_KEYS: Final = ("image", "img", "picture", "frame", "photo")
@@ -102,7 +102,7 @@ def _picture_of(item: JsonObject, file: Path, context: ImportContext, collector:
         names=(picture,),
         sizes=[_stated_size(region) for region in regions or ()],
         whole=partial(_whole, own, regions, context),
-        shapes=[Shape(region.line, partial(_label_in_picture, region, context)) for region in regions or ()],
+        shapes=[DrawnShape(region.line, partial(_label_in_picture, region, context)) for region in regions or ()],
     )
 
 

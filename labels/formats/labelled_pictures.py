@@ -25,7 +25,7 @@ Stated = tuple[object, object]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shape:
+class DrawnShape:
     """Something that was drawn in a picture."""
 
     line: int
@@ -50,7 +50,7 @@ class Picture:
     """The label of the picture as a whole, such as that there is no ball; None: its shapes are the labels. Raises
     LabelError if nothing of it can be taken.
     """
-    shapes: Sequence[Shape] = ()
+    shapes: Sequence[DrawnShape] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -28,7 +28,7 @@ from labels.formats.exchange import (
     picture_name,
     write_text,
 )
-from labels.formats.labelled_pictures import Picture, Place, Shape, add_pictures, parse_files, stated_size
+from labels.formats.labelled_pictures import DrawnShape, Picture, Place, add_pictures, parse_files, stated_size
 from labels.model import Label, LabelState
 
 EXTRA = "ballcentre"
@@ -123,10 +123,10 @@ def _picture_of(root: XmlNode, file: Path, context: ImportContext) -> Picture:
     edges = [None if size is None else size.child(tag) for tag in ("width", "height")]
     width, height = (None if edge is None else edge.text.strip() for edge in edges)
     stated_size(width, height)  # a size that is none rejects the file: nothing of it can be trusted
-    shapes = [Shape(item.line, partial(_label_of, item, context)) for item in root.all("object")]
+    shapes = [DrawnShape(item.line, partial(_label_of, item, context)) for item in root.all("object")]
     extra = root.child(EXTRA)
     if extra is not None and not shapes:
-        shapes = [Shape(extra.line, lambda place: _label_of_extra(extra, context))]
+        shapes = [DrawnShape(extra.line, lambda place: _label_of_extra(extra, context))]
 
     def whole(place: Place) -> Label | None:
         place.check_size()

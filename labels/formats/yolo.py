@@ -33,7 +33,7 @@ from labels.formats.exchange import (
     whole_number,
     write_text,
 )
-from labels.formats.labelled_pictures import SAME_SHAPE, Picture, Place, Shape, add_pictures
+from labels.formats.labelled_pictures import SAME_SHAPE, DrawnShape, Picture, Place, add_pictures
 from labels.formats.picture_files import PictureFiles
 from labels.model import Label, LabelState
 
@@ -140,7 +140,7 @@ def _picture_of(
         unsure = CVAT_FOLDER.fullmatch(file.parent.name) is not None or context.empty_pictures is not None
         return context.unannotated(place.t_us) if unsure else context.make(place.t_us, LabelState.NO_BALL)
 
-    shapes = [Shape(number, partial(_label_of_line, fields, ball, context)) for number, fields in lines]
+    shapes = [DrawnShape(number, partial(_label_of_line, fields, ball, context)) for number, fields in lines]
     return Picture(file=file, line=1, names=(name,), whole=whole, shapes=shapes)
 
 
