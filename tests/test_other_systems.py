@@ -106,10 +106,14 @@ OTHERS = ("_writer", "arguments", "av", "layer", "library", "tarfile", "uploads"
 """Whose `open` is of no text file."""
 
 
+def called_name(call: ast.Call) -> str:
+    """The last name of what is called."""
+    return call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
+
+
 def opens_text_without_encoding(call: ast.Call) -> bool:
     """Whether a call opens, reads or writes text in the encoding of whichever system it runs on."""
-    function = call.func
-    name = function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
+    function, name = call.func, called_name(call)
     given = {keyword.arg: keyword.value for keyword in call.keywords}
     if "encoding" in given:
         return False
@@ -154,8 +158,10 @@ def test_no_text_depends_on_the_encoding_of_a_system_and_no_process_is_forked() 
     found = [f"{name_of(path)}:{call.lineno}" for path, call in calls if opens_text_without_encoding(call)]
     assert not found
     # Windows opens no NamedTemporaryFile a second time, and a fork copies locks that other threads hold
-    forbidden = ("NamedTemporaryFile", "fork", "Pool", "ProcessPoolExecutor")
-    names = [(path, call, ast.unparse(call.func).rpartition(".")[2]) for path, call in calls]
-    assert not [f"{name_of(path)}:{call.lineno}" for path, call, name in names if name in forbidden]
-    contexts = [ast.unparse(call) for path, call, name in names if name == "get_context"]
+    forbidden = ("NamedTemporaryFile", "fork", "Pool", "Process")
+    named = [(f"{name_of(path)}:{call.lineno}", call, called_name(call)) for path, call in calls]
+    assert not [place for place, _, name in named if name in forbidden]
+    pools = {place: call for place, call, name in named if name == "ProcessPoolExecutor"}
+    contexts = [ast.unparse(call) for _, call, name in named if name == "get_context"]
+    assert pools and all("mp_context" in [word.arg for word in call.keywords] for call in pools.values())
     assert contexts and all("'spawn'" in context for context in contexts)
