@@ -101,8 +101,8 @@ def test_picture_panel_and_bar_share_the_middle_and_the_panel_keeps_the_height_i
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (1920, 1080)])
 def test_labels_large_picture_has_most_of_the_middle(chromium: Browser, lab: App, width: int, height: int) -> None:
     page = open_page(chromium, width, height)
-    window = Window(page, lab)
-    window.enter("Label")
+    window = Window(page, lab, in_space=True)
+    window.enter("Label")  # from the 3D view, whose middle is narrower
     eventually(window.stands_in_label, "Label's picture")
 
     def share() -> float:

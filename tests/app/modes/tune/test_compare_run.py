@@ -122,6 +122,7 @@ def test_labels_are_counted_as_the_score_counts_them(stream, tmp_path: Path) -> 
     answer = run(request_of(WithoutTruth(stream), tmp_path))
     for one in answer.methods:
         reference = find_reference(tmp_path, "u", "left")
+        assert reference is not None
         score = score_with_labels(
             *(tmp_path, reference, stream, one.method, method_config(one.method), 0),
             progress=lambda share: None,
