@@ -1,5 +1,6 @@
 """What is written is read by somebody else's reader, and by our own import."""
 
+import re
 from pathlib import Path
 
 import faery
@@ -8,11 +9,12 @@ import numpy as np
 import pytest
 
 from app.export.events import export_csv, export_dsec, export_evt3
+from app.export.formats import time_note
 from app.export.selection import Span
 from app.export.unfinished import ExportCancelledError
 from core.errors import CommandError
 from core.events import Events, SensorSize
-from core.recordings import open_recording
+from core.recordings import ImportOrder, import_recording, open_recording
 from core.recordings.evt3_encoder import Evt3Encoder, evt3_header
 
 SPAN = Span(100_500, 400_000)
@@ -53,6 +55,17 @@ def test_faery_reads_the_evt3_file(recording, tmp_path) -> None:
     _, right = export_evt3(recording, tmp_path, SPAN)
     t, x, y, on = read_evt(right)
     assert same(recording.cameras["right"].slice(100_500, 400_000), t.astype(np.int64) + SPAN.start_us, x, y, on)
+
+
+@pytest.mark.parametrize("name", ["evt3", "dsec"])
+def test_the_report_says_by_how_much_an_import_of_the_files_is_shifted(recording, tmp_path, name) -> None:
+    note = time_note(name, recording, SPAN)
+    assert f"count from {SPAN.start_us} us" in note and time_note("csv", recording, SPAN) == ""
+    shift_us = int(re.findall(r"add (\d+) us", note)[0])
+    import_recording(ImportOrder(EXPORTS[name](recording, tmp_path, SPAN)), tmp_path / "again.h5")
+    with open_recording(tmp_path / "again.h5") as again:
+        back, original = (one.cameras["left"] for one in (again, recording))
+        assert np.array_equal(back.slice(0, SPAN.length_us).t_us + shift_us, original.slice(100_500, 400_000).t_us)
 
 
 def test_evt3_survives_a_silence_longer_than_its_clock(tmp_path) -> None:
