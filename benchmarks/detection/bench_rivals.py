@@ -8,6 +8,7 @@ interrupted bench goes on where it was. After a change of a method's code, remov
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -57,7 +58,7 @@ FRESH: Final[dict[Method, tuple[str, str]]] = {
 }
 """The settings that refuse an answer without new events."""
 FRESH_SETTINGS: Final = ("as they come", "any")
-RESAMPLES: Final = 2000
+RESAMPLES: Final = 1000
 TITLES: Final = ("scenes", "method", "settings", "precision", "recall", "error median px", "p95", "delay us")
 FRESH_TITLES: Final = ("scenes", "method", "new events", "precision", "recall", "answers", "false")
 
@@ -74,14 +75,13 @@ def run(
     trials: int = TRIALS,
 ) -> dict[str, object]:
     """A row per kind of scene, method and settings, those on new events, the settings found, and the machine."""
-    flights = {kind: _cameras(drawn_rows(kind, TUNED_FROM, TUNED_ON), folder) for kind in KINDS}
     tuned: list[TunedMethod] = []
     for number, method in enumerate(METHODS):
 
         def tuning_progress(share: float, number: int = number) -> None:
             progress(0.8 * (number + share) / len(METHODS))
 
-        tuned.append(_kept_tuning(method, flights, trials, folder, tuning_progress))
+        tuned.append(_kept_tuning(method, trials, folder, tuning_progress))
     configs = {(one.method, name): getattr(one, key) for one in tuned for name, key in SETTINGS.items()}
     for method, path in FRESH.items():
         configs[method, "any"] = replace_setting(configs[method, "as they come"], path, 0.0)
@@ -102,22 +102,19 @@ SETTINGS: Final = {"as they come": "start", "tuned": "best"}
 """Names of the settings that are scored, and which of `TunedMethod` they are."""
 
 
-def _cameras(rows: Sequence[tuple[Any, int]], folder: Path) -> list[FlightCamera]:
-    """The first camera of each flight."""
-    return [flight_cameras(row, number, folder / "recordings")[0] for row, number in rows]
+@functools.cache
+def _tuned_on(folder: Path) -> dict[Kind, list[FlightCamera]]:
+    """The first camera of each flight that is tuned on, read once for all methods."""
+    drawn = {kind: drawn_rows(kind, TUNED_FROM, TUNED_ON) for kind in KINDS}
+    there = folder / "recordings"
+    return {kind: [flight_cameras(row, number, there)[0] for row, number in rows] for kind, rows in drawn.items()}
 
 
 def _settings_path(method: Method, folder: Path) -> Path:
     return folder / "tuned" / f"{method}.toml"
 
 
-def _kept_tuning(
-    method: Method,
-    flights: Mapping[Kind, Sequence[FlightCamera]],
-    trials: int,
-    folder: Path,
-    progress: Callable[[float], None],
-) -> TunedMethod:
+def _kept_tuning(method: Method, trials: int, folder: Path, progress: Callable[[float], None]) -> TunedMethod:
     """The tuning of a method, done now, or kept from the same number of trials and the same settings to start from."""
     settings, about = _settings_path(method, folder), folder / "tuned" / f"{method}.json"
     asked = {"trials": trials, "seed": SEED, "flights": TUNED_ON, "from": TUNED_FROM, "start": _stamp(method)}
@@ -126,7 +123,7 @@ def _kept_tuning(
         start = load_detector(folder / "tuned" / f"{method}-as-it-comes.toml").config
         figures = (kept["start_objective"], kept["best_objective"], trials, tuple(kept["searched"]))
         return TunedMethod(method, start, load_detector(settings).config, *figures)
-    one = tune_equally(method, flights, trials, SEED, progress)
+    one = tune_equally(method, _tuned_on(folder), trials, SEED, progress)
     settings.parent.mkdir(parents=True, exist_ok=True)
     save_detector(method, one.start, folder / "tuned" / f"{method}-as-it-comes.toml")
     save_detector(method, one.best, settings)
@@ -164,20 +161,6 @@ def _plain(value: object) -> object:
     return np.round(np.nan_to_num(value), 4).tolist() if isinstance(value, np.ndarray) else value
 
 
-def with_interval(
-    flights: Sequence[GridScore], figure: Callable[[GridScore], float]
-) -> tuple[float, tuple[float, float]]:
-    """A figure over all answers of the flights together, and its 95 % bootstrap interval over the flights."""
-    rng = np.random.default_rng(0)
-    draws = [
-        figure(sum((flights[k] for k in rng.integers(0, len(flights), len(flights))), GridScore()))
-        for _ in range(RESAMPLES)
-    ]
-    known = [value for value in draws if not np.isnan(value)]
-    low, high = np.percentile(known, (2.5, 97.5)).tolist() if known else (float("nan"), float("nan"))
-    return figure(sum(flights, GridScore())), (low, high)
-
-
 FIGURES: Final[dict[str, Callable[[GridScore], float]]] = {
     "precision": lambda one: one.precision,
     "recall": lambda one: one.recall,
@@ -186,12 +169,34 @@ FIGURES: Final[dict[str, Callable[[GridScore], float]]] = {
 }
 
 
+def with_intervals(flights: Sequence[GridScore]) -> dict[str, tuple[float, float, float]]:
+    """Each figure over all answers of the flights together, and its 95 % bootstrap interval over the flights."""
+    rng = np.random.default_rng(0)
+    draws = rng.integers(0, len(flights), (RESAMPLES, len(flights)))
+    drawn: dict[str, list[float]] = {name: [] for name in FIGURES}
+    # The order within a draw changes nothing: of few flights there are few different draws.
+    kinds, counts = np.unique(np.sort(draws, axis=1), axis=0, return_counts=True)
+    for draw, times in zip(kinds, counts.tolist(), strict=True):
+        whole = sum((flights[k] for k in draw), GridScore())
+        for name, figure in FIGURES.items():
+            drawn[name] += times * [figure(whole)]
+    whole = sum(flights, GridScore())
+    return {name: (figure(whole), *_middle(drawn[name])) for name, figure in FIGURES.items()}
+
+
+def _middle(values: Sequence[float]) -> tuple[float, float]:
+    """Between what 95 % of the known values lie; nan if there are none."""
+    known = [value for value in values if not np.isnan(value)]
+    low, high = np.percentile(known, (2.5, 97.5)).tolist() if known else (float("nan"), float("nan"))
+    return low, high
+
+
 def _row(kind: Kind, one: TunedMethod, name: str, found: Mapping[tuple[Method, str], Scores]) -> dict[str, object]:
     flights = found[one.method, name][kind]
     config = getattr(one, SETTINGS[name])
     row: dict[str, object] = {"scenes": kind, "method": one.method, "settings": name}
-    for figure, of in FIGURES.items():
-        row[figure], row[f"{figure}_interval"] = with_interval(flights, of)
+    for figure, (value, low, high) in with_intervals(flights).items():
+        row |= {figure: value, f"{figure}_interval": (low, high)}
     return row | {"delay_us": one.delay_of(config)}
 
 

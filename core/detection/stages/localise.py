@@ -28,7 +28,7 @@ class LocaliseConfig:
     delay_us: int = setting(0, -2000, 5000, step=10)
     """Delay of the sensor and the method: an estimate is valid this long before the end of its window, the paper's at
     its end. Less than 0 where the circle round the leading edge lies ahead of the ball by more than the sensor's delay:
-    -290 in simulated flights of 5 to 9 m/s."""
+    -200 to -300 in simulated flights of 5 to 9 m/s."""
 
     def __post_init__(self) -> None:
         check_settings(self)
