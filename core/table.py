@@ -1,4 +1,4 @@
-"""The table, the net and the ball, in metres (ITTF), and how real ones fly and bounce.
+"""The table, the net, the ball (ITTF) and the air, and how real ones fly and bounce.
 
 World frame: origin at the centre of the table's top surface.
 """
@@ -21,6 +21,8 @@ NET_OVERHANG_M: Final = 0.1525
 BALL_RADIUS_M: Final = 0.020
 BALL_MASS_KG: Final = 0.0027
 GRAVITY_MPS2: Final = 9.81
+AIR_KG_PER_M3: Final = 1.204
+"""Dry air at 20 degrees Celsius and sea level."""
 
 
 class FittedConstant(NamedTuple):

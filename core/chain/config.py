@@ -13,6 +13,7 @@ from core.detection.methods import METHODS, Method, method_config
 from core.errors import ConfigError
 from core.physics.config import PhysicsConfig
 from core.physics.constants_file import FittedConstants
+from core.table import AIR_KG_PER_M3
 from core.trajectory import (
     FilterConfig,
     FilterPredictor,
@@ -20,7 +21,6 @@ from core.trajectory import (
     PaperPredictorConfig,
     Predictor,
 )
-from core.trajectory.ball_kernel import AIR_KG_PER_M3
 from core.trajectory.config import published_predictor
 from core.trajectory.filter_config import UNKNOWN, chain_filter, refined_filter, with_fitted_constants, with_physics
 from core.trajectory.learned_constants import LearnedConstants

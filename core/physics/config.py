@@ -11,7 +11,7 @@ from typing import Literal
 
 from core.config import check_settings, setting
 from core.errors import ConfigError
-from core.table import REAL_DRAG, REAL_FRICTION, REAL_MAGNUS, REAL_RESTITUTION
+from core.table import AIR_KG_PER_M3, REAL_DRAG, REAL_FRICTION, REAL_MAGNUS, REAL_RESTITUTION
 
 Profile = Literal["paper", "real"]
 
@@ -26,7 +26,7 @@ class AirConfig:
     magnus_coefficient: float = setting(0.0, 0.0, 0.5)
     """C_M on the ball's volume; the lift coefficient is 8/3 C_M (r spin / speed). `real` 0.10: our fit to 1,980 flights
     of known spin; it falls from .22 at low to .09 at high spin, so a constant is a compromise."""
-    density_kg_per_m3: float = setting(1.204, 0.5, 1.5)
+    density_kg_per_m3: float = setting(AIR_KG_PER_M3, 0.5, 1.5)
     """Dry air at 20 degrees Celsius and sea level."""
 
     def __post_init__(self) -> None:

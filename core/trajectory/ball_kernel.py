@@ -14,18 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.jit import njit
-from core.physics.config import AirConfig
 from core.physics.contact import over_table
 from core.physics.flight import acceleration, rk4_step
 from core.physics.impact import Surface, strike
-from core.table import BALL_MASS_KG, BALL_RADIUS_M, TABLE_HEIGHT_M
+from core.table import AIR_KG_PER_M3, BALL_MASS_KG, BALL_RADIUS_M, TABLE_HEIGHT_M
 
 Array = NDArray[np.float64]
 
 STATE: Final = 14
 SPIN, DRAG, RESTITUTION, FRICTION, HIGHER, AHEAD = 6, 9, 10, 11, 12, 13
 """Indices in the state, after position and velocity."""
-AIR_KG_PER_M3: Final = AirConfig().density_kg_per_m3
 DRAG_PER_M: Final = 0.5 * AIR_KG_PER_M3 * math.pi * BALL_RADIUS_M**2 / BALL_MASS_KG
 """Deceleration factor per drag coefficient, 1/m."""
 LIFT: Final = AIR_KG_PER_M3 * 4 / 3 * math.pi * BALL_RADIUS_M**3 / BALL_MASS_KG

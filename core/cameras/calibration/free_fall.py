@@ -14,12 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import CalibrationError
-from core.table import BALL_MASS_KG, BALL_RADIUS_M, GRAVITY_MPS2, REAL_DRAG
+from core.table import AIR_KG_PER_M3, BALL_MASS_KG, BALL_RADIUS_M, GRAVITY_MPS2, REAL_DRAG
 
 Array = NDArray[np.float64]
 
-AIR_KG_PER_M3: Final = 1.204
-"""Dry, at 20 degrees Celsius and sea level."""
 REAL_DRAG_PER_M: Final = 0.5 * AIR_KG_PER_M3 * REAL_DRAG.value * np.pi * BALL_RADIUS_M**2 / BALL_MASS_KG
 """Braking over the squared speed of a real ball."""
 GAP_US: Final = 20_000.0
