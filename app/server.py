@@ -24,8 +24,7 @@ from app.shared.live_rally import LIVE, LiveRally
 from app.shared.workspace import Workspace
 from app.startup.startup import Preparation
 from app.web import Admission, Gateway, open_gateway
-from core.chain.config import ChainConfig, PredictionName
-from core.chain.physics import chain_with_constants
+from core.chain.config import ChainConfig, PredictionName, chain_with_constants
 from core.detection import DetectorConfig, FastDetector, TrackState, trace_window
 from core.detection.fast.cluster import grid_labels
 from core.detection.methods import DEFAULT_METHOD, make_detector

@@ -110,7 +110,7 @@ class Session:
         self._moments_s = float("-inf")
         self.page = SessionPage(visit, pages, services.browsers, pool, self)
         self.plane = ImageView(client, self._clicked)
-        self.world = World(client)
+        self.world = World(client, lambda: self.plane.aspect)
         self._example = ExampleRally(self.world.draw)
         self._interface = ControlPanel(client.gui, self.send, self._send_key, self)
         with self._interface.modes_folder:

@@ -27,10 +27,10 @@ from app.shared.workspace import Workspace
 from app.state.commands import Seek
 from core.cameras import stereo_preset
 from core.chain import ChainConfig, RallyChain
-from core.chain.block_windows import block_windows
+from core.chain.config import chain_for_physics
 from core.chain.control.controller import BuiltInController
 from core.chain.control.player import Player
-from core.chain.physics import chain_for_physics
+from core.detection.window import block_windows
 from core.errors import CommandError
 from core.history.recorded_rally import RACKET, TARGETS, racket_rows, target_rows
 from core.live.worlds.world import Block, SimulatedWorld, WorldConfig

@@ -16,7 +16,7 @@ from pathlib import Path
 from core.errors import LabelError
 from core.files import replacing
 from labels.conflicts import WITHIN_PX, LabelConflict, find_conflicts
-from labels.database.connection import open_to_write, telling, transaction
+from labels.database.connection import open_to_write, sqlite_errors, transaction
 from labels.database.edit_log import Writer, add_edit, make_layer
 from labels.database.folder import Layer
 from labels.database.rows import MERGE_TOOL
@@ -141,7 +141,11 @@ def _fill(
     first: Mapping[Layer, Mapping[int, Label]],
 ) -> None:
     """Write what was said first as an edit of its own, before what is said now: the log keeps both."""
-    with closing(open_to_write(partial, uuid)) as db, telling(out, "cannot write the merged labels"), transaction(db):
+    with (
+        closing(open_to_write(partial, uuid)) as db,
+        sqlite_errors(out, "cannot write the merged labels"),
+        transaction(db),
+    ):
         for layer, labels in layers.items():
             writer = Writer(make_layer(db, layer.camera, layer.annotator, layer.blind), "", MERGE_TOOL)
             now = {label.t_us: label for label in labels}

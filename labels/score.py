@@ -12,9 +12,9 @@ from typing import Any, Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from core.detection import Detection, Detector
-from core.events import Window
+from core.detection import Detector
 from core.metrics import WindowAnswers, score_answers
+from core.metrics.at_times import answers_at
 from core.metrics.run import TimedDetector
 from core.metrics.streaming import after_delay
 from core.recordings import CameraStream, PixelTruth
@@ -24,10 +24,6 @@ from labels.model import LabelState, PositionSource
 Array = NDArray[np.float64]
 Rows = TypeVar("Rows", WindowAnswers, LabelArrays)
 TOLERANCES_PX: Final = (1.0, 2.0, 4.0, 8.0)
-LEAD_IN_WINDOWS: Final = 10
-"""Windows that a detector sees before a label that stands alone, to find the ball and lock on."""
-LEAD_IN_US: Final = 20_000
-"""So much time at least, if windows are short, and before each part that is looked through for proposals."""
 MOTION_GAP_US: Final = 50_000
 """Labels farther apart do not tell the direction of motion."""
 SEAM_US: Final = 1_000_000
@@ -71,46 +67,6 @@ class GroupScore:
     """Mean error to the right of the motion, as seen in the picture."""
 
 
-def answers_at(
-    stream: CameraStream,
-    detector: Detector,
-    t_us: NDArray[np.int64],
-    window_us: int,
-    *,
-    progress: Callable[[float], None] | None = None,
-) -> WindowAnswers:
-    """What a detector says of the balls at ascending times: each time, the window whose estimate is for that instant.
-
-    Between the times it sees every window, or a lead-in before a time that stands alone. A detector
-    whose estimates are for another instant than the end of its window is asked that much later.
-    """
-    detector.reset()
-    lead_in = max(LEAD_IN_WINDOWS, LEAD_IN_US // window_us)
-    late_us = 0
-    rows: list[tuple[float, float, float, int]] = []
-    detections: list[Detection] = []
-    seen_until = -1
-    for number, time_us in enumerate(t_us.tolist()):
-        start = time_us + late_us - window_us
-        before = min(lead_in, max(start - seen_until, 0) // window_us if seen_until >= 0 else lead_in)
-        if start - before * window_us > seen_until + window_us:
-            detector.reset()
-        for lead in range(before, 0, -1):
-            _step(stream, detector, start - lead * window_us, window_us)
-        found = _step(stream, detector, start, window_us)
-        seen_until = start + window_us
-        if found is None:
-            rows.append((np.nan, np.nan, np.nan, detector.extra_circles))
-        else:
-            rows.append((found.u_px, found.v_px, found.r_px, detector.extra_circles))
-            detections.append(found)
-            late_us = seen_until - found.t_us
-        if progress is not None:
-            progress((number + 1) / len(t_us))
-    u, v, r, extra = np.array(rows, np.float64).reshape(-1, 4).T
-    return WindowAnswers(t_us + late_us, t_us, u, v, r, extra.astype(np.int32), tuple(detections))
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class InTime:
     """The newest answers that have arrived by the times of labels, as `core.metrics.streaming` has them."""
@@ -148,13 +104,6 @@ def answers_in_time(
     earlier = answers_at(stream, detector, answers.t_us - delay_us, window_us, progress=progress)
     moved = after_delay(earlier, answers.t_us, moved=True)
     return InTime(delay_us, after_delay(earlier, answers.t_us, moved=False), moved)
-
-
-def _step(stream: CameraStream, detector: Detector, start_us: int, window_us: int) -> Detection | None:
-    if start_us + window_us <= 0:
-        return None
-    start = max(start_us, 0)
-    return detector.step(Window(stream.slice(start, start_us + window_us), start, start_us + window_us))
 
 
 def score_labels(

@@ -22,13 +22,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.errors import LabelError
-from labels.arrays import SOURCES, LabelArrays, label_arrays
-from labels.database.by_time import LabelsByTime
+from labels.arrays import SOURCES, LabelArrays, LabelsByTime, label_arrays
 from labels.database.connection import (
     DamagedStoreError,
     open_to_read,
     open_to_write,
-    telling,
+    sqlite_errors,
     transaction,
     work_in_log,
 )
@@ -45,7 +44,7 @@ from labels.database.edit_log import (
 )
 from labels.database.folder import Layer
 from labels.database.migration import migrate
-from labels.database.reading import find_annotators, find_layers, has_labels, read_with_journal
+from labels.database.reading import find_annotators, find_layers, has_labels, read_with_journal, salvage
 from labels.database.rows import (
     changes_since,
     current_arrays,
@@ -55,7 +54,6 @@ from labels.database.rows import (
     value_at,
     values_before_settling,
 )
-from labels.database.salvage import salvage
 from labels.database.schema import recording_of
 from labels.model import Label, LabelState, PositionSource
 
@@ -119,7 +117,7 @@ class LabelStore:
         self._change_mark = -1
         self._seen = 0
         self._arrays = label_arrays(())
-        with telling(path, "cannot read the labels"):
+        with sqlite_errors(path, "cannot read the labels"):
             found = recording_of(reader, path)
             if found != layer.recording_uuid:
                 raise LabelError("labels of something else", expected=layer.recording_uuid, got=found, where=path)
@@ -157,7 +155,7 @@ class LabelStore:
         writer = open_to_write(path, recording_uuid)
         try:
             notes = migrate(writer, folder, recording_uuid)
-            with telling(path, "cannot write labels here"):
+            with sqlite_errors(path, "cannot write labels here"):
                 number = find_layer(writer, camera, annotator, blind)
                 if number is None:
                     with transaction(writer):
@@ -244,7 +242,7 @@ class LabelStore:
 
     def rejected(self) -> frozenset[tuple[int, str]]:
         """(time, detector) of every proposal that was found wrong in this layer."""
-        with self._lock, telling(self.path, "cannot read the labels"):
+        with self._lock, sqlite_errors(self.path, "cannot read the labels"):
             rows = self._reader.execute(
                 "SELECT t_us, detector FROM rejections JOIN edits USING (edit) WHERE layer = ?", (self._number,)
             )
@@ -283,7 +281,7 @@ class LabelStore:
 
     def independent(self) -> IndependentLabels:
         """What this annotator said before seeing another's label, as far as the log of edits knows."""
-        with self._lock, telling(self.path, "cannot read the labels"):
+        with self._lock, sqlite_errors(self.path, "cannot read the labels"):
             self._refresh()
             arrays, upto = self._arrays, self._seen
             before = values_before_settling(self._reader, self._number, upto=upto)
@@ -297,14 +295,14 @@ class LabelStore:
 
     def before_settling(self) -> tuple[Label, ...]:
         """What was said before a conflict was settled, or a label left out by a merge, by time; only there."""
-        with self._lock, telling(self.path, "cannot read the labels"):
+        with self._lock, sqlite_errors(self.path, "cannot read the labels"):
             self._refresh()
             before = values_before_settling(self._reader, self._number, upto=self._seen)
         return tuple(label_of(t_us, values) for t_us, values in before if values is not None)
 
     def all(self) -> tuple[Label, ...]:
         """All labels with their provenance, by time."""
-        with self._lock, telling(self.path, "cannot read the labels"):
+        with self._lock, sqlite_errors(self.path, "cannot read the labels"):
             self._refresh()
             rows = current_rows(self._reader, self._number, upto=self._seen).fetchall()
         return tuple(label_of(row[0], row[2:]) for row in rows)
@@ -368,18 +366,18 @@ class LabelStore:
         with self._write_lock:
             if self._writer is None:
                 raise LabelError("these labels are open for reading only", where=self.path)
-            with telling(self.path, "this label is not saved", _NOT_SAVED):
+            with sqlite_errors(self.path, "this label is not saved", _NOT_SAVED):
                 yield self._writer
 
     def _followed(self) -> SessionHistory:
-        with self._history_lock, self._lock, telling(self.path, "cannot read the labels"):
+        with self._history_lock, self._lock, sqlite_errors(self.path, "cannot read the labels"):
             if self._writer is not None:
                 self._history.follow(self._reader, self.writer)
             return self._history
 
     def _label(self, t_us: int, upto: int) -> Label | None:
         try:
-            with self._lock, telling(self.path, "cannot read the labels"):
+            with self._lock, sqlite_errors(self.path, "cannot read the labels"):
                 values = value_at(self._reader, self._number, t_us, upto=upto)
         except sqlite3.ProgrammingError as error:
             raise LabelError("these labels are closed", where=self.path) from error
@@ -389,7 +387,7 @@ class LabelStore:
         """Take up what was written since, here or elsewhere."""
         if not self._follows:
             return
-        with telling(self.path, "cannot read the labels"):
+        with sqlite_errors(self.path, "cannot read the labels"):
             mark = self._reader.execute("PRAGMA data_version").fetchone()[0]
             if mark == self._change_mark:
                 return

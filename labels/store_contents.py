@@ -10,11 +10,11 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from core.errors import LabelError
-from labels.database.connection import DamagedStoreError, open_to_read, telling
+from labels.database.connection import DamagedStoreError, open_to_read, sqlite_errors
 from labels.database.edit_log import NEWEST
 from labels.database.folder import Layer, store_path
+from labels.database.reading import salvage
 from labels.database.rows import Values, current_rows, label_of, values_before_settling
-from labels.database.salvage import salvage
 from labels.database.schema import recording_of
 from labels.model import Label
 from labels.store import LabelStore, find_layers
@@ -62,7 +62,7 @@ def layers_of_store(path: Path) -> tuple[Layer, ...]:
     Raises:
         LabelError: if it is not a store, or cannot be read.
     """
-    with closing(open_to_read(path, untouched=True)) as db, telling(path, "cannot read the labels"):
+    with closing(open_to_read(path, untouched=True)) as db, sqlite_errors(path, "cannot read the labels"):
         uuid = recording_of(db, path)
         rows = db.execute("SELECT camera, annotator, blind FROM layers ORDER BY annotator, camera, blind").fetchall()
     return tuple(Layer(uuid, camera, annotator, bool(blind)) for camera, annotator, blind in rows)
@@ -81,7 +81,7 @@ def copy_store(folder: Path, recording_uuid: str, target: Path) -> int:
         raise LabelError("no labels of this recording", remedy="label something first")
     with (
         closing(open_to_read(source)) as db,
-        telling(target, "cannot copy the labels"),
+        sqlite_errors(target, "cannot copy the labels"),
         closing(sqlite3.connect(target, isolation_level=None)) as copy,
     ):
         db.backup(copy)
@@ -109,7 +109,7 @@ def _read_database(db: sqlite3.Connection, path: Path, notes: tuple[str, ...]) -
     found: dict[Layer, dict[int, Label]] = {}
     first: dict[Layer, dict[int, Label]] = {}
     all_notes = list(notes)
-    with telling(path, "cannot read the labels"):
+    with sqlite_errors(path, "cannot read the labels"):
         uuid = recording_of(db, path)
         for number, camera, annotator, blind in db.execute("SELECT * FROM layers").fetchall():
             rows = [(row[0], row[2:]) for row in current_rows(db, number, upto=NEWEST)]

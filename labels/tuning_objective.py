@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from core.detection import DetectorConfig, make_detector
 from core.metrics import WindowAnswers
+from core.metrics.at_times import answers_at
 from core.metrics.grid_score import GridScore
 from core.metrics.score import MATCH_RADIUS_PX
 from core.recordings import Recording
@@ -18,7 +19,6 @@ from core.tuning import SplitScore, TuningConfig
 from core.tuning.objective import Cancelled, TimeBlocks, TuningStoppedError, cut_blocks
 from labels.arrays import STATES, LabelArrays
 from labels.model import LabelState
-from labels.score import answers_at
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,6 +1,7 @@
 """Fixtures that several parts use: the shared real data, and a short simulated recording with truth."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from core.live.worlds.simulated_backend import SimulatedBackend
 from core.live.worlds.world import Block
 from core.outcomes.perceived_backend import PerceivedBackend
 from core.recordings import RecordingWriter
+from core.registry import forgotten_afterwards, use_plugins
 from core.simulation import (
     LaunchConfig,
     SensorConfig,
@@ -56,6 +58,14 @@ def shared_data() -> Path:
 def plugins() -> Path:
     """The folder with the example plugins of the documentation."""
     return HERE.parent / "docs" / "examples" / "plugins"
+
+
+@pytest.fixture(scope="module")
+def data_set_readers(plugins: Path) -> Iterator[None]:
+    """The example plugins that read data sets are in use."""
+    with forgotten_afterwards():
+        use_plugins([plugins / f"{name}_reader.py" for name in ("n_mnist", "n_imagenet", "evimo", "m3ed")])
+        yield
 
 
 @pytest.fixture(scope="session")

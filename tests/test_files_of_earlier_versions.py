@@ -28,7 +28,7 @@ from core.data_sets import read_manifest
 from core.detection import DetectorConfig
 from core.events import SensorSize
 from core.learning import Control, RunConfig, load_policy, read_run, read_status
-from core.learning.runs.control import read_control
+from core.learning.runs.run_files import read_control
 from core.recordings import open_recording
 from labels.model import LabelState, PositionSource
 from labels.store import LabelStore, Layer, find_layers

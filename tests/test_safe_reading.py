@@ -28,8 +28,8 @@ from core.physics.ball_states import read_ball_states
 from core.recordings import open_recording
 from core.text import parse_json
 from core.yaml_loader import UntaggedLoader
-from labels.formats.xml_nodes import XmlError, parse_xml
-from labels.records import unpack_line
+from labels.formats.documents import DocumentError, parse_xml
+from labels.journal import unpack_line
 from tests.sources import ROOT, SOURCES, name_of, tree_of
 from tests.waiting import PATIENCE_S
 
@@ -46,7 +46,7 @@ ALLOWED = {
     ("core/registry.py", "importlib.util.spec_from_file_location"),  # plugins, which whoever starts us names
     ("core/text.py", "json.loads"),
     ("core/text.py", "tomllib.loads"),
-    ("labels/formats/json_lines.py", "json.loads"),
+    ("labels/formats/documents.py", "json.loads"),
 }
 TOO_DEEP = 100_000
 ALIASES = "a: &a [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
@@ -174,7 +174,7 @@ OUTSIDE = '<!DOCTYPE l [<!ENTITY x SYSTEM "file:///etc/hostname">]><annotation>&
 
 @pytest.mark.parametrize("text", [ENTITIES, OUTSIDE, "<a>" * TOO_DEEP])
 def test_xml_neither_expands_nor_fetches_nor_nests_without_end(text: str) -> None:
-    with pytest.raises(XmlError, match=r"not read|nested"):
+    with pytest.raises(DocumentError, match=r"not read|nested"):
         parse_xml(text)
 
 

@@ -225,15 +225,15 @@ def given(values: Mapping[str, A | None]) -> dict[str, A]:
 
 def positive_int(text: str) -> int:
     """A whole number above 0."""
-    return _whole(text, 1, "above 0")
+    return _integer(text, 1, "above 0")
 
 
 def whole_number(text: str) -> int:
     """A whole number from 0."""
-    return _whole(text, 0, "from 0")
+    return _integer(text, 0, "from 0")
 
 
-def _whole(text: str, least: int, words: str) -> int:
+def _integer(text: str, least: int, words: str) -> int:
     try:
         value = int(text)
     except ValueError:

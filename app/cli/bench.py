@@ -15,9 +15,7 @@ from typing import Final, Literal
 from app.cli.arguments import DATA, Numbers, PositiveFloat, PositiveInt, flag, given, positional
 from app.cli.backend_arguments import BackendArguments
 from app.cli.progress import Progress, progress_bar
-from app.cli.quiet_viser import silence_viser
-from app.cli.tables import format_row, format_table
-from app.cli.terminal import say
+from app.cli.terminal import format_row, format_table, say, silence_viser
 from core.errors import CommandError
 
 BENCHES = {
@@ -101,17 +99,7 @@ class BenchArguments:
 
 def run(arguments: BenchArguments) -> None:
     """Run the module of the name and print what it returns: "rows", "machine" and what else it has."""
-    module = BENCHES[arguments.name]
-    if arguments.recorded is not None:
-        module = OWN_RECORDINGS.get(arguments.name, module)
-    measure: Callable[..., dict[str, object]] = load_from_checkout(module).run
-    options: dict[str, object] = given({name: getattr(arguments, name) for name in OPTIONS})
-    taken = inspect.signature(measure).parameters.keys()
-    asked = given({"jobs": arguments.engine.jobs, "cluster": arguments.engine.cluster})
-    for name in [*(options.keys() - taken), *([] if "engine" in taken else asked)]:
-        raise CommandError(f"`bench {arguments.name}` has no such option", got=f"--{name}")
-    if asked:
-        options["engine"] = arguments.engine.engine()
+    measure, options = requested_bench(arguments)
     silence_viser()
     with progress_bar(f"Measuring {arguments.name}") as progress:
         report = measure(_RowPrinter(progress), **options)
@@ -123,6 +111,26 @@ def run(arguments: BenchArguments) -> None:
     say(format_table(rows))
     for name, value in report.items():
         say(f"{name}: {value if isinstance(value, str) else json.dumps(value)}")
+
+
+def requested_bench(arguments: BenchArguments) -> tuple[Callable[..., dict[str, object]], dict[str, object]]:
+    """What measures, and the options that are given to it.
+
+    Raises:
+        CommandError: where there are no benchmarks, or this one has no such option.
+    """
+    name = BENCHES[arguments.name]
+    if arguments.recorded is not None:
+        name = OWN_RECORDINGS.get(arguments.name, name)
+    module = load_from_checkout(name)
+    options: dict[str, object] = given({name: getattr(arguments, name) for name in OPTIONS})
+    taken = inspect.signature(module.run).parameters.keys()
+    asked = given({"jobs": arguments.engine.jobs, "cluster": arguments.engine.cluster})
+    for option in [*(options.keys() - taken), *([] if "engine" in taken else asked)]:
+        raise CommandError(f"`bench {arguments.name}` has no such option", got=f"--{option}")
+    if asked:
+        options["engine"] = arguments.engine.engine()
+    return module.run, options
 
 
 class _RowPrinter:

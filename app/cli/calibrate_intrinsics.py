@@ -14,11 +14,16 @@ from app.cli.progress import progress_bar
 from app.cli.terminal import say
 from core.cameras.calibration import Board, BoardView, Lens, calibrate_lens, find_board
 from core.cameras.calibration.board import KINDS, BoardKind
-from core.cameras.calibration.board_cover import BoardCover, board_cover, missing_for_lens, odd_spacing
-from core.cameras.calibration.cover_picture import cover_column
-from core.cameras.calibration.coverage import CELLS_ACROSS, CELLS_DOWN
-from core.cameras.calibration.intrinsics import COEFFICIENTS
-from core.cameras.calibration.lens_file import YAML_SUFFIXES, save_lens
+from core.cameras.calibration.coverage import (
+    CELLS_ACROSS,
+    CELLS_DOWN,
+    BoardCover,
+    board_cover,
+    cover_column,
+    missing_for_lens,
+    odd_spacing,
+)
+from core.cameras.calibration.intrinsics import COEFFICIENTS, YAML_SUFFIXES, save_lens
 from core.cameras.calibration.residual_picture import ResidualPanel, residual_svg
 from core.cameras.distortion import LensModel
 from core.errors import CalibrationError, CommandError, ConfigError

@@ -18,8 +18,7 @@ from app.cli.calibrate_stereo import detect_tracks, lenses_of, named_paths, read
 from app.cli.detector_arguments import MethodArguments
 from app.cli.files import write_text
 from app.cli.progress import progress_bar
-from app.cli.tables import format_table, json_ready
-from app.cli.terminal import say
+from app.cli.terminal import format_table, json_ready, say
 from core.cameras import Camera, save_calibration
 from core.cameras.calibration import Board, find_board
 from core.cameras.calibration.board import KINDS, BoardKind

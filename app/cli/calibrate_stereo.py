@@ -19,8 +19,7 @@ from app.cli.cameras import noted_calibration
 from app.cli.detector_arguments import MethodArguments
 from app.cli.files import write_text
 from app.cli.progress import progress_bar
-from app.cli.tables import format_table
-from app.cli.terminal import say
+from app.cli.terminal import format_table, say
 from core.cameras import Camera, save_calibration
 from core.cameras.calibration.body_tracks import body_tracks
 from core.cameras.calibration.free_fall import REAL_DRAG_PER_M

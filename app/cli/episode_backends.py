@@ -13,7 +13,7 @@ from core.learning.task.environment import EpisodeBackend
 
 @contextlib.contextmanager
 def open_backend(config: RunConfig, source: str | None, keys: Path | None = None) -> Iterator[EpisodeBackend | None]:
-    """The court that a run needs, until the block ends; None for the closed-form simulator.
+    """The backend that a run needs, until the block ends; None for the closed-form simulator.
 
     Raises:
         CommandError: if there are keys and no source that could ask for them.
@@ -26,9 +26,9 @@ def open_backend(config: RunConfig, source: str | None, keys: Path | None = None
     elif source is not None:
         # late: the chain and its compiled loops are for those who ask
         from core.live.link.guard import read_client_keys
-        from core.live.link.linked_backend import LinkEpisodeBackend
+        from core.live.link.server_backends import ServerEpisodes
 
-        backend = LinkEpisodeBackend(config.environment, source, None if keys is None else read_client_keys(keys))
+        backend = ServerEpisodes(config.environment, source, None if keys is None else read_client_keys(keys))
     elif config.environment.state_source == "events":
         from core.live.worlds.event_environment import EventCameraBackend
 
@@ -41,14 +41,14 @@ def open_backend(config: RunConfig, source: str | None, keys: Path | None = None
 
 
 def _perceived_backend(config: RunConfig, source: str | None, keys: Path | None) -> EpisodeBackend:
-    """A court of which only events are known: that of a server, or one simulated here."""
+    """A backend of which only events are known: that of a server, or one simulated here."""
     from core.outcomes.perceived_backend import PerceivedBackend  # late: the chain and its compiled loops
 
     if source is not None:
         from core.live.link.guard import read_client_keys
-        from core.live.link.linked_backend import LinkEnvironmentBackend
+        from core.live.link.server_backends import ServerWorld
 
-        world_backend = LinkEnvironmentBackend(source, None if keys is None else read_client_keys(keys))
+        world_backend = ServerWorld(source, None if keys is None else read_client_keys(keys))
     else:
         from core.live.worlds.simulated_backend import SimulatedBackend
 

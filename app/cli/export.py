@@ -11,8 +11,7 @@ from pathlib import Path
 from app.cli.arguments import DATA, PositiveInt, flag, one_of, positional
 from app.cli.detector_arguments import MethodArguments
 from app.cli.progress import Progress, progress_bar
-from app.cli.quiet_viser import silence_viser
-from app.cli.terminal import say
+from app.cli.terminal import say, silence_viser
 from app.export.formats import FORMATS, ExportRequest, export, is_run, time_note
 from app.export.selection import span_of
 from core.chain import ChainConfig

@@ -12,8 +12,7 @@ import numpy as np
 from app.cli.arguments import flag, positional
 from app.cli.files import check_folder, write_text
 from app.cli.progress import progress_bar
-from app.cli.tables import format_table
-from app.cli.terminal import print_lines, say
+from app.cli.terminal import format_table, print_lines, say
 from core.errors import CommandError
 
 if TYPE_CHECKING:

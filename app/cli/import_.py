@@ -5,24 +5,24 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Final, Literal, TypedDict
+from typing import Annotated, ClassVar, Final, Literal
 
 from app.cli.arguments import Counts, Names, PositiveInt, flag, positional, separated
 from app.cli.progress import progress_bar
 from app.cli.terminal import print_lines, say
 from app.formatting import check_lines
-from core.cameras import Camera
 from core.cameras.calibration_file import read_calibration_file
 from core.cameras.distortion import COEFFICIENTS, LensModel
-from core.cameras.units import METRES, Unit
 from core.errors import CommandError, EventsError, RecordingError
 from core.events import SensorSize
-from core.events.clock_table import ClockTable, read_clock_table
+from core.events.clock_table import read_clock_table
+from core.foreign_tables import METRES, Unit
 from core.recordings.frame_import import FrameInput
 from core.recordings.import_facts import ImportFacts
+from core.recordings.import_feeds import ImportOrder
 from core.recordings.importing import ImportSummary, check_import, import_recording
 from core.recordings.opening import is_recording
 from core.recordings.sources.readers import event_files
@@ -84,6 +84,25 @@ class ImportArguments:
 def run(arguments: ImportArguments) -> None:
     """Import and say what was made, or check and say what would be."""
     sources, destination = _files(arguments)
+    order = _order(arguments, sources)
+    if destination is None:
+        with progress_bar(f"Checking {sources[0].name}") as progress:
+            facts = check_import(order, progress=progress)
+        assert facts is not None  # nobody cancels but with Ctrl-C
+        _say_facts(facts, as_json=arguments.json)
+        return
+    with progress_bar(f"Importing {destination.name}") as progress:
+        summary = import_recording(order, destination, overwrite=arguments.force, progress=progress)
+    assert summary is not None
+    if not arguments.json:
+        say(_describe(summary))
+        return
+    made = {name: value for name, value in dataclasses.asdict(summary).items() if name != "facts"}
+    say(json.dumps({**made, "path": str(summary.path), **_found(summary.facts)}))
+
+
+def _order(arguments: ImportArguments, sources: Sequence[Path]) -> ImportOrder:
+    """What is to be imported, and what the flags say of it."""
     calibration = None
     if arguments.calibration is None and (arguments.calibration_unit != "m" or arguments.calibration_model is not None):
         raise CommandError(
@@ -93,43 +112,17 @@ def run(arguments: ImportArguments) -> None:
         calibration = read_calibration_file(
             arguments.calibration, unit=arguments.calibration_unit, model=arguments.calibration_model
         )
-    settings: _Settings = {
-        "names": arguments.names,
-        "sensor": _sensor(arguments.width, arguments.height),
-        "calibration": None if calibration is None else calibration.cameras,
-        "remarks": () if calibration is None else calibration.notes,
-        "offset_us": _one_or_all(arguments.offset_us),
-        "clock": [read_clock_table(path) for path in arguments.clock or ()],
-        "stated": Stated(arguments.time_unit, arguments.polarity),
-        "frames": _frames(arguments.frames, arguments.frame_times, arguments.exposure_us),
-    }
-    if destination is None:
-        with progress_bar(f"Checking {sources[0].name}") as progress:
-            facts = check_import(sources, **settings, progress=progress)
-        assert facts is not None  # nobody cancels but with Ctrl-C
-        _say_facts(facts, as_json=arguments.json)
-        return
-    with progress_bar(f"Importing {destination.name}") as progress:
-        summary = import_recording(sources, destination, **settings, overwrite=arguments.force, progress=progress)
-    assert summary is not None
-    if not arguments.json:
-        say(_describe(summary))
-        return
-    made = {name: value for name, value in dataclasses.asdict(summary).items() if name != "facts"}
-    say(json.dumps({**made, "path": str(summary.path), **_found(summary.facts)}))
-
-
-class _Settings(TypedDict):
-    """Arguments that importing and checking share."""
-
-    names: Names | None
-    sensor: SensorSize | tuple[SensorSize, ...] | None
-    calibration: Mapping[str, Camera] | None
-    remarks: Sequence[str]
-    offset_us: int | tuple[int, ...]
-    clock: list[ClockTable]
-    stated: Stated
-    frames: FrameInput | None
+    return ImportOrder(
+        sources,
+        names=arguments.names,
+        sensor=_sensor(arguments.width, arguments.height),
+        calibration={} if calibration is None else calibration.cameras,
+        offset_us=_one_or_all(arguments.offset_us),
+        clock=[read_clock_table(path) for path in arguments.clock or ()],
+        stated=Stated(arguments.time_unit, arguments.polarity),
+        frames=_frames(arguments.frames, arguments.frame_times, arguments.exposure_us),
+        remarks=() if calibration is None else calibration.notes,
+    )
 
 
 def _files(arguments: ImportArguments) -> tuple[list[Path], Path | None]:

@@ -10,8 +10,7 @@ from pathlib import Path
 
 from app.cli.arguments import DATA, flag, positional
 from app.cli.detect import choose_camera
-from app.cli.tables import json_ready
-from app.cli.terminal import print_lines, say
+from app.cli.terminal import json_ready, print_lines, say
 from app.modes.label.sources import LabelSource, sources_of
 from core.errors import CommandError
 from core.recordings import CameraStream, Recording, open_recording

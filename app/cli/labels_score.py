@@ -20,13 +20,14 @@ from core.detection.methods import Method
 from core.errors import CommandError
 from core.jobs import TaskControl, open_jobs
 from core.metrics import WindowAnswers
+from core.metrics.at_times import answers_at
 from core.metrics.run import TimedDetector, one_opencv_thread
 from core.recordings import open_recording
 from labels.agreement import Agreement, measure_agreement
 from labels.arrays import STATES, LabelArrays
 from labels.formats.exchange import write_text
 from labels.model import LabelState
-from labels.score import GroupScore, InTime, answers_at, answers_in_time, pooled, score_groups
+from labels.score import GroupScore, InTime, answers_in_time, pooled, score_groups
 from labels.score_picture import measure_curves, score_svg
 from labels.store import LabelStore, Layer, has_labels
 

@@ -16,7 +16,7 @@ from app.cli.arguments import flag, positional, setting_flag
 from app.cli.constants import CONSTANTS_HELP, given_constants
 from app.cli.files import check_folder, write_text
 from app.cli.terminal import print_lines, say
-from core.chain.physics import fitted_filter
+from core.chain.config import fitted_filter
 from core.errors import CommandError
 from core.physics.config import Profile
 from core.physics.points_file import PointsFile, read_points_file

@@ -21,8 +21,7 @@ from app.cli.event_cameras import (
 )
 from app.cli.progress import progress_bar
 from app.cli.replay import REPLAY, open_replay, read_replay
-from app.cli.tables import format_table
-from app.cli.terminal import say
+from app.cli.terminal import format_table, say
 from core.errors import CommandError, RallyscopeError
 
 if TYPE_CHECKING:
@@ -161,7 +160,7 @@ def _make_recording(
     recorder: RawRecorder, takes: tuple[RawTake, ...], order: CameraOrder, out: Path, arguments: RecordArguments
 ) -> dict[str, object]:
     from core.events.clock_table import read_clock_table
-    from core.recordings import import_recording
+    from core.recordings import ImportOrder, import_recording
 
     paths = [one.path for one in takes]
     tables = list(recorder.clock_paths.values())
@@ -171,12 +170,12 @@ def _make_recording(
         say(f"what the cameras sent is kept; when there is room for the recording: {again}", error=True)
         raise recorder.error
     try:
+        made_of = ImportOrder(
+            paths, names=[one.name for one in takes], calibration=order.calibration,
+            clock=[read_clock_table(table) for table in tables], remarks=notes,
+        )  # fmt: skip
         with progress_bar(f"Making {out.name}") as progress:
-            summary = import_recording(
-                paths, out, names=[one.name for one in takes], calibration=order.calibration,
-                clock=[read_clock_table(table) for table in tables], remarks=notes,
-                overwrite=arguments.force, progress=progress,
-            )  # fmt: skip
+            summary = import_recording(made_of, out, overwrite=arguments.force, progress=progress)
     except RallyscopeError:
         say(f"what the cameras sent is kept; to try again: {again}", error=True)
         raise

@@ -16,9 +16,8 @@ from app.cli.constants import CONSTANTS_OF_BALL, given_constants
 from app.cli.ending import end_event
 from app.cli.event_cameras import CAMERA, CameraArguments, CameraOrder, open_camera_source, read_camera_order
 from app.cli.progress import progress_bar
-from app.cli.quiet_viser import silence_viser
 from app.cli.replay import REPLAY, ReplayOrder, open_replay, read_replay
-from app.cli.terminal import say
+from app.cli.terminal import say, silence_viser
 from app.export.viewer_streamer import check_viewer_address
 from app.shared.job_backends import JobBackends
 from app.shared.library import Library

@@ -11,7 +11,7 @@ from app.cli.arguments import flag, setting_flag
 from app.cli.cameras import Sensor, named_cameras
 from app.cli.constants import CONSTANTS_HELP, given_constants
 from app.cli.ending import end_event
-from app.cli.scenes import SceneArguments
+from app.cli.simulate import SceneArguments
 from app.cli.terminal import say
 from core.cameras.presets import SENSOR_720
 from core.errors import CommandError

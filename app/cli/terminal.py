@@ -1,4 +1,4 @@
-"""What is said on a terminal; the only place of the command line that prints.
+"""What is printed on a terminal, rows of figures too; the only place of the command line that prints.
 
 Names, notes and messages come from files: no control character of theirs reaches the terminal, which would obey it.
 """
@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import io
 import logging
+import math
 import os
 import sys
-from collections.abc import Iterable
+import warnings
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from typing import Final, TextIO
 
@@ -83,3 +85,43 @@ class PlainFormatter(logging.Formatter):
 
     def format(self, record: logging.LogRecord) -> str:
         return "\n".join(plain(line, LONGEST_LINE) for line in super().format(record).split("\n"))
+
+
+def format_table(rows: list[dict[str, object]]) -> str:
+    """Rows with the same keys as text, numbers to the right and to three decimals."""
+    if not rows:
+        return "nothing was measured"
+    cells = [list(rows[0]), *([_cell(row.get(title)) for title in rows[0]] for row in rows)]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    return "\n".join("  ".join(text.rjust(width) for text, width in zip(line, widths, strict=True)) for line in cells)
+
+
+def format_row(row: Mapping[str, object]) -> str:
+    """A row on its own, in one line with its titles."""
+    return ", ".join(f"{title} {_cell(value)}" for title, value in row.items())
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.3f}" if isinstance(value, float) else plain(str(value))
+
+
+def json_ready(value: object) -> object:
+    """A copy of the value with None for every number that is not finite, which JSON cannot hold."""
+    if isinstance(value, dict):
+        return {key: json_ready(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [json_ready(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def silence_viser() -> None:
+    """No banner where it listens, no line when it stops, no news of a browser that closed with a picture on its way.
+
+    viser 1.1 has no switch for its banner and its last line; both go through rich, which nothing else here uses.
+    """
+    import rich
+
+    rich.get_console().quiet = True
+    warnings.filterwarnings("ignore", message="Queued a .* on a closed connection", category=UserWarning)

@@ -19,9 +19,8 @@ from app.cli.tabulate import RecordingTable, Summary, tabulate
 from app.cli.terminal import say
 from core.chain import ChainConfig
 from core.chain.calibration_drift import DriftReport
-from core.chain.config import PREDICTIONS, PredictionName, with_prediction
+from core.chain.config import PREDICTIONS, PredictionName, chain_with_constants, with_prediction
 from core.chain.follow import Track, follow_recording, true_positions
-from core.chain.physics import chain_with_constants
 from core.detection import DetectorConfig
 from core.detection.methods import Method
 from core.jobs import TaskControl

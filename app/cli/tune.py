@@ -18,8 +18,7 @@ from app.cli.ending import end_event
 from app.cli.files import check_folder
 from app.cli.labels_layer import read_layers
 from app.cli.progress import progress_bar
-from app.cli.tables import format_table, json_ready
-from app.cli.terminal import say
+from app.cli.terminal import format_table, json_ready, say
 from core.detection.saved import SavedDetector, save_detector
 from core.errors import CommandError, ConfigError
 from core.files import end_with_parent

@@ -19,11 +19,11 @@ from app.web.pages import Json, Message
 from core.errors import CommandError, RallyscopeError, RecordingError
 from core.events import SensorSize
 from core.files import end_unfinished
+from core.foreign_tables import UNITS_US
 from core.recordings import Recording, knows_ball
 from core.recordings.import_facts import IMPORTED_FROM, ImportFacts
 from core.recordings.sources.kinds import kind_of
 from core.recordings.sources.source import Stated, parse_polarity
-from core.recordings.sources.values.table_values import UNITS_US
 
 logger = logging.getLogger(__name__)
 

@@ -155,7 +155,7 @@ def command_of(message: Message) -> Command | None:
     """Command of a message from the bar; None if it is invalid. Nothing in the message is trusted."""
     value = message.get("value")
     match message.get("do"):
-        case "mode" if (number := _whole(value)) is not None and 1 <= number <= len(MODES):
+        case "mode" if (number := _integer(value)) is not None and 1 <= number <= len(MODES):
             return SetMode(MODES[number - 1])
         case "play":
             return TogglePlay()
@@ -163,20 +163,20 @@ def command_of(message: Message) -> Command | None:
             return Shuttle(+1)
         case "slower":
             return Shuttle(-1)
-        case "seek" if (t_us := _whole(value)) is not None:
+        case "seek" if (t_us := _integer(value)) is not None:
             return Seek(t_us)
-        case "step" if (steps := _whole(value)) is not None:
+        case "step" if (steps := _integer(value)) is not None:
             return StepTime(max(-1000, min(steps, 1000)))
         case "speed" if isinstance(value, (int, float)) and value in SPEEDS:
             return SetPlaybackSpeed(float(value))
-        case "step_us" if (step_us := _whole(value)) is not None:
+        case "step_us" if (step_us := _integer(value)) is not None:
             return SetStep(step_us)
-        case "mark" if (t_us := _whole(value)) is not None:
+        case "mark" if (t_us := _integer(value)) is not None:
             return ToggleMark(t_us)
         case "loop" if value is None:
             return Loop(None)
         case "loop" if isinstance(value, list) and len(value) == 2:
-            start_us, end_us = map(_whole, value)
+            start_us, end_us = map(_integer, value)
             return None if start_us is None or end_us is None else Loop((start_us, end_us))
     return None
 
@@ -193,7 +193,7 @@ def speed_label(speed: float) -> str:
     return f"{speed:g} x" if speed >= 1 else f"1/{round(1 / speed)} x"
 
 
-def _whole(value: object) -> int | None:
+def _integer(value: object) -> int | None:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
         return None
     return int(max(-FAR_US, min(value, FAR_US)))

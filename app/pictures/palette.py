@@ -22,7 +22,7 @@ class PaletteIndex(IntEnum):
     """Palette entries with a name."""
 
     BACKGROUND = 0
-    OFF = 1  # equals core.events.image.OFF_EVENT, so a polarity image is a picture already
+    OFF = 1  # equals core.events.events.OFF_EVENT, so a polarity image is a picture already
     ON = 2
     OFF_DIM = 3
     ON_DIM = 4

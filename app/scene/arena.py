@@ -194,6 +194,7 @@ class RigActors:
                 scale=FRUSTUM_SCALE,
                 color=FRUSTUM_RGB,
                 thickness=0.002,
+                cast_shadow=False,  # a player that loops draws viser's own lamps, with shadows, for a moment
                 wxyz=quaternion_from_matrix(camera.T_world_camera[:3, :3]),
                 position=camera.T_world_camera[:3, 3],
             )

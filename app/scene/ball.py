@@ -192,7 +192,13 @@ class BallActors:
         self._sprite = _Sprite(scene, f"{root}/ball-sprite", ball_picture())
         self._truth_sprite = _Sprite(scene, f"{root}/truth-sprite", ring_picture(TRUTH_RGB))
         self._truth = scene.add_icosphere(
-            f"{root}/truth", 1.12 * BALL_RADIUS_M, TRUTH_RGB, wireframe=True, visible=False, subdivisions=2
+            f"{root}/truth",
+            1.12 * BALL_RADIUS_M,
+            TRUTH_RGB,
+            wireframe=True,
+            visible=False,
+            subdivisions=2,
+            cast_shadow=False,
         )
         self._shadow = ShadowActor(scene, f"{root}/shadow")
         self._rays = scene.add_line_segments(

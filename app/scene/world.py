@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -118,8 +119,12 @@ _NO_PATH: Final = np.empty((0, 3))
 class World:
     """Handles are made when it is first shown."""
 
-    def __init__(self, client: viser.ClientHandle) -> None:
+    def __init__(self, client: viser.ClientHandle, middle_aspect: Callable[[], float] | None = None) -> None:
+        """`middle_aspect` gives the width over height of what shows it; else it is what viser reports of the camera,
+        which may still hold the shape from before a panel beside it came or went.
+        """
         self._client = client
+        self._middle_aspect = middle_aspect
         self._scene = client.scene
         self._root: viser.FrameHandle | None = None
         self._cameras: dict[str, Camera] = {}
@@ -246,8 +251,12 @@ class World:
         """A person's hand is at the picture: where the camera stands from now on is the person's choice."""
         self._touched = True
 
+    @property
+    def _aspect_now(self) -> float:
+        return self._client.camera.aspect if self._middle_aspect is None else self._middle_aspect()
+
     def _stand(self, viewpoint: Viewpoint) -> None:
-        self._stands, self._aspect, self._touched = viewpoint, self._client.camera.aspect, False
+        self._stands, self._aspect, self._touched = viewpoint, self._aspect_now, False
         look(self._client, viewpoint)
 
     def _stand_again(self) -> None:
@@ -260,7 +269,7 @@ class World:
             return
         if self._touched and not np.allclose(camera.position, stands.position, atol=SAME_PLACE_M):
             self._stands = None
-        elif self._view in FRAMED and abs(camera.aspect - self._aspect) > MIN_RESHAPE:
+        elif self._view in FRAMED and abs(self._aspect_now - self._aspect) > MIN_RESHAPE:
             self.look_from(self._view)
 
     def _make_room_for(self, people: People | None) -> None:
@@ -280,7 +289,7 @@ class World:
 
     def _viewpoint(self, view: str) -> Viewpoint | None:
         if view in VIEWPOINTS:
-            return standpoint(view, self._client.camera.aspect, stage=self._stage)
+            return standpoint(view, self._aspect_now, stage=self._stage)
         return viewpoint_of_camera(self._camera_views[view]) if view in self._camera_views else None
 
     def _build(self) -> None:

@@ -21,9 +21,8 @@ from app.shared.workspace import Workspace, slug_from
 from core.errors import CommandError, RecordingError
 from core.events import SensorSize
 from core.files import begin_unfinished, end_unfinished, put_beside
-from core.recordings import check_import, import_recording, open_recording
+from core.recordings import ImportOrder, check_import, import_recording, open_recording
 from core.recordings.import_facts import ImportFacts
-from core.recordings.importing import imported_uuid
 from core.recordings.log.growing import is_growing
 from core.recordings.opening import is_recording
 from core.recordings.sources import open_sources
@@ -50,7 +49,11 @@ class OpeningChoices:
 
     sensor: SensorSize | None = None
     """Sensor of every camera in the file."""
-    stated: Stated | None = None
+    stated: Stated = field(default_factory=Stated)
+
+    def order(self, path: Path) -> ImportOrder:
+        """The import of a file, as the person says."""
+        return ImportOrder([path], sensor=self.sensor, stated=self.stated)
 
 
 AS_THE_FILE_SAYS: Final = OpeningChoices()
@@ -72,14 +75,7 @@ def look_at(
     """
     if is_growing(path) or is_recording(path) or _known(path, workspace, choices)[2] is not None:
         return None
-    return check_import(
-        [path],
-        sensor=choices.sensor,
-        stated=choices.stated,
-        longest_s=LONGEST_LOOK_S,
-        progress=progress,
-        cancelled=cancelled,
-    )
+    return check_import(choices.order(path), longest_s=LONGEST_LOOK_S, progress=progress, cancelled=cancelled)
 
 
 def bring_in(
@@ -112,10 +108,7 @@ def bring_in(
     try:
         decoded = folder / "decoded.h5"
         watched = _watching_the_disk(folder, progress)
-        made = import_recording(
-            [path], decoded, sensor=choices.sensor, stated=choices.stated, progress=watched, cancelled=cancelled
-        )
-        if made is None:
+        if import_recording(choices.order(path), decoded, progress=watched, cancelled=cancelled) is None:
             return None
         return _place(decoded, workspace, wanted, uuid)
     finally:
@@ -130,7 +123,7 @@ def _known(path: Path, workspace: Workspace, choices: OpeningChoices) -> tuple[s
     except OSError as error:
         raise RecordingError("the file cannot be opened", got=error.strerror, where=path) from error
     names = _source_names(path, status.st_size, status.st_mtime_ns, choices.sensor)
-    uuid = imported_uuid([path], names, sensor=choices.sensor, stated=choices.stated)
+    uuid = choices.order(path).uuid(names)
     return wanted, uuid, _already_there(workspace, wanted, uuid)
 
 

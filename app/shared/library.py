@@ -9,7 +9,7 @@ from pathlib import Path
 from app.shared.workspace import Workspace
 from core.errors import RecordingError
 from core.events import Health, assess_health, sample_spans
-from core.recordings import Recording, import_recording, open_recording
+from core.recordings import ImportOrder, Recording, import_recording, open_recording
 from core.recordings.sources.readers import event_files
 
 
@@ -111,7 +111,7 @@ class Library:
         source = self._files_to_import().get(name)
         if source is None:
             return name
-        import_recording([source], source.with_suffix(".h5"))
+        import_recording(ImportOrder([source]), source.with_suffix(".h5"))
         self._imported[name] = source.stem
         return source.stem
 

@@ -16,10 +16,9 @@ from app.background.child import ChildProcess, share_in
 from app.shared.live_learning import LiveLearning
 from core.cameras import Camera
 from core.chain.calibration_drift import CalibrationDrift, DriftReport
-from core.chain.config import PredictionName, with_prediction
-from core.chain.control.decision import RacketDecision
+from core.chain.config import PredictionName, chain_with_constants, with_prediction
+from core.chain.control.controller import RacketDecision
 from core.chain.control.player import PlayerState
-from core.chain.physics import chain_with_constants
 from core.errors import CommandError, LinkError, RecordingError
 from core.history.played_bodies import PlayedBodies
 from core.history.rally_history import Outcome, RallyHistory

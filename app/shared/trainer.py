@@ -26,8 +26,17 @@ from core.errors import CommandError, RallyscopeError
 from core.extras import require_package
 from core.files import lock_descriptor
 from core.learning.config import RunConfig
-from core.learning.runs.control import Control, RunCommand, RunStatus, is_held, read_control, read_status, write_control
-from core.learning.runs.run_files import create_run, read_run
+from core.learning.runs.run_files import (
+    Control,
+    RunCommand,
+    RunStatus,
+    create_run,
+    is_held,
+    read_control,
+    read_run,
+    read_status,
+    write_control,
+)
 
 RunPhase = Literal["new", "starting", "running", "paused", "stopping", "ending", "stopped", "finished", "failed"]
 ACTIVE: Final[tuple[RunPhase, ...]] = ("starting", "running", "paused", "stopping", "ending")

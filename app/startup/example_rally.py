@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 FILE: Final = "example_rally.npz"
 STRIDE_US: Final = 20_000
 """Time of the rally between two pictures."""
+AFTER_S: Final = 2.5
+"""Time of waiting from which on it is shown: where all is compiled, the live rally comes sooner."""
 SPEED: Final = 0.5
 """Seconds of the rally per second of wall time."""
 DECIMALS: Final = 4
@@ -43,7 +45,9 @@ class ExampleRally:
         """Draw the picture of this moment, if it is another one than before, and that is `every_s` ago."""
         if wall_s - self._drawn_s < every_s:
             return
-        self._begun_s = wall_s if self._begun_s is None else self._begun_s
+        self._begun_s = wall_s + AFTER_S if self._begun_s is None else self._begun_s
+        if wall_s < self._begun_s:
+            return
         pictures = example_pictures()
         number = int((wall_s - self._begun_s) * SPEED * 1e6 / STRIDE_US) % len(pictures)
         if number != self._number:

@@ -16,7 +16,7 @@ from app.shared.library import Library
 from app.startup.startup import Preparation, Step
 
 PLACE_PX: Final = (8, -8)
-SIZE_PX: Final = (430, 230)
+SIZE_PX: Final = (430, 244)
 SIGNS: Final = {"waiting": "&#9675;", "running": "&#9684;", "done": "&#10003;", "failed": "&#10007;"}
 
 

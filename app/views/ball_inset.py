@@ -33,7 +33,8 @@ def draw_ball_inset(
 ) -> None:
     """Draw the surroundings of a ball (u, v, r, px) magnified into the corner of `canvas` that is far from it.
 
-    `draw_marks` draws circles into the magnified part. Nothing is drawn into a picture that is too small for it.
+    `draw_marks` draws circles into the magnified part. Nothing is drawn into a picture that is too small for it. Texts
+    of what the inset covers are removed.
     """
     height, width = canvas.image.shape
     space_px = round(SHARE * min(height, width))
@@ -53,9 +54,15 @@ def draw_ball_inset(
     if left < 0 or top < 0:
         return
     canvas.image[top : top + side, left : left + side] = inset.image
+    canvas.texts[:] = [one for one in canvas.texts if one.is_title or not _is_in(one, left, top, side)]
     if titled:
         text = f"x{inset.scale / canvas.scale:.0f}"
         canvas.texts.append(PictureText(left + MARGIN_PX, top + side - MARGIN_PX, text, PaletteIndex.TEXT, False))
+
+
+def _is_in(text: PictureText, left: int, top: int, side: int) -> bool:
+    """Whether what a text belongs to is below the inset."""
+    return left <= text.x < left + side and top <= text.y < top + side
 
 
 def _window_in(window: Window, region: Region) -> Window:

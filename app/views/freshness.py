@@ -1,11 +1,40 @@
-"""Whether what is shown is the answer to what is asked now; an answer that is not is marked soon."""
+"""Whether what is shown is the answer to what is asked now; an answer that is not is marked soon, with why not."""
 
 from __future__ import annotations
 
+import threading
 from collections import deque
 from typing import Final, Literal
 
-from app.background.compiling import is_compiling
+from numba.core import event
+
+
+class CompileCounter(event.Listener):
+    """Counts the compilations that run; a kernel that is loaded from the cache is none."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self.running = 0
+
+    def on_start(self, event: event.Event) -> None:
+        """Count a compilation that begins, in any thread."""
+        with self._lock:
+            self.running += 1
+
+    def on_end(self, event: event.Event) -> None:
+        """Count a compilation that has ended, well or not."""
+        with self._lock:
+            self.running -= 1
+
+
+_COUNTER: Final = CompileCounter()
+event.register("numba:compile", _COUNTER)
+
+
+def is_compiling() -> bool:
+    """Whether a kernel is being compiled, which takes seconds instead of milliseconds."""
+    return _COUNTER.running > 0
+
 
 GRACE_S: Final = 0.12
 """An answer that stays outdated for longer is marked: the mark is on the page within 200 ms."""

@@ -90,6 +90,12 @@ def page_gzip() -> bytes:
     return gzip.compress(page_html())
 
 
+@functools.cache
+def splash_film() -> bytes:
+    """Film that the page shows until its first view is complete, WebP."""
+    return (resources.files("app.web") / "page" / "rally.webp").read_bytes()
+
+
 def refusal_html(title: str, text: str, *, form: bool = False) -> bytes:
     """A small page that says why not; with a field for the token if `form`. Both texts are our own."""
     field = (
@@ -108,6 +114,7 @@ BROWSER_COOKIE_S: Final = 400 * 86_400
 PAGE_PATH: Final = "/rallyscope/page"
 UPLOAD_PATH: Final = "/rallyscope/upload"
 ALIVE_PATH: Final = "/rallyscope/alive"
+FILM_PATH: Final = "/rallyscope/rally.webp"
 MAX_ID_LENGTH: Final = 64
 SAFETY_HEADERS: Final = {
     "Content-Security-Policy": "frame-ancestors 'none'",  # a foreign page shows ours in no frame to have it clicked
@@ -194,6 +201,8 @@ class Gateway:
             return self._welcome(request, path)
         if path == ALIVE_PATH:
             return _response(http.HTTPStatus.OK, json.dumps({"alive": True}).encode(), "application/json")
+        if path == FILM_PATH:
+            return _film()
         if path in ("/", "/index.html"):
             return _page(request)
         return None
@@ -224,7 +233,7 @@ class Gateway:
 
 
 def open_gateway(host: str, port: int, admission: Admission | None = None) -> Gateway:
-    """A door in our colours, at exactly this port, 0 for any free one; viser itself would silently take the next one.
+    """A gateway at exactly this port, 0 for any free one; viser itself would silently take the next one.
 
     Raises:
         CommandError: if the address cannot be used, or other machines could connect without a token.
@@ -285,6 +294,13 @@ def _page(request: Request) -> Response:
     if BROWSER_COOKIE not in _cookies(request):
         cookie = f"{BROWSER_COOKIE}={secrets.token_hex(16)}; HttpOnly; SameSite=Lax; Path=/; Max-Age={BROWSER_COOKIE_S}"
         answer.headers["Set-Cookie"] = cookie
+    return answer
+
+
+def _film() -> Response:
+    answer = _response(http.HTTPStatus.OK, splash_film(), "image/webp")
+    del answer.headers["Cache-Control"]
+    answer.headers["Cache-Control"] = "max-age=86400"  # the same for all pages
     return answer
 
 

@@ -204,6 +204,12 @@ class Visitor(BareBrowser):
         """Until it stands in some panel."""
         self.wait_until(lambda: any(text in html for html in self._contents.copy().values()), repr(text), timeout_s)
 
+    def wait_rally(self, timeout_s: float) -> None:
+        """Until the live rally moves here; what moves while the app is prepared is a recorded one."""
+        self.wait_until(lambda: "Serve speed [m/s]" in self._controls, "the live rally", timeout_s)
+        seen = len(self.updates)
+        self.wait_until(lambda: len(self.updates) > seen + 50, "the live rally to move", timeout_s)
+
     def rate(self, seconds: float, until_s: float) -> float:
         """Updates a second in the time before `until_s`."""
         return sum(until_s - seconds < at_s <= until_s for at_s in self.updates) / seconds

@@ -15,6 +15,7 @@ from app.views.answer_cache import AnswerCache
 from app.views.requests import TuneRequest, WatchRequest, answer_request
 from benchmarks.app.bare_browser import WINDOW, measuring_browser
 from benchmarks.app.bench_soak import run_soak
+from benchmarks.app.live_at_rest import measure_rest
 from benchmarks.app.live_pace import measure_pace
 from benchmarks.app.many_cameras import measure_cameras
 from benchmarks.app.page_speed import measure_page
@@ -99,6 +100,7 @@ PARTS: Final[dict[str, Callable[[Path, Callable[[float], None]], list[Row]]]] = 
     "page": measure_page,
     "pace": measure_pace,
     "cameras": measure_cameras,
+    "rest": measure_rest,
 }
 """What is measured in an empty folder."""
 
@@ -114,7 +116,8 @@ def run(
 
     With `only` "return" how soon an open page is back after a killed server,
     with "page" how soon a browser shows what is asked for, with "pace" whether the live rally keeps up while one shows
-    it; with "cameras", or a number of `cameras`, how often a client that shows so many is updated.
+    it; with "cameras", or a number of `cameras`, how often a client that shows so many is updated; with "rest" what the
+    live rally costs while nobody watches it.
 
     Rows of the latter per view: p50, p99 and the largest number of milliseconds a picture takes, at random times of a
     recording.

@@ -228,7 +228,8 @@ def _soak(
     seconds: float,
     progress: Callable[[float], None],
 ) -> tuple[list[Row], list[Annotator]]:
-    _wait_rally(visitors)
+    for visitor in visitors:
+        visitor.wait_rally(START_S)
     measured_s = min(60.0, seconds / 4)
     time.sleep(measured_s)
     rows = [_rate_row(f"{VISITORS} browsers on a live rally", visitors, measured_s)]
@@ -273,14 +274,6 @@ def _soak(
     for name, samples in (("app", server), ("simulation", simulation)):
         rows += growth_rows(name, samples)
     return rows, annotators
-
-
-def _wait_rally(visitors: list[Visitor]) -> None:
-    deadline = time.monotonic() + START_S
-    while not all(len(visitor.updates) > 50 for visitor in visitors):
-        if time.monotonic() > deadline:
-            raise TimeoutError("the live rally did not come up")
-        time.sleep(0.5)
 
 
 def _rate_row(name: str, visitors: list[Visitor], seconds: float) -> Row:

@@ -196,7 +196,7 @@ def _live(folder: Path, seconds: float) -> Row:
     with served(folder) as app:
         visitor = Visitor(app.port)
         try:
-            visitor.wait_until(lambda: len(visitor.updates) > 100, "the live rally", PATIENCE_MS / 1e3)
+            visitor.wait_rally(PATIENCE_MS / 1e3)
             time.sleep(SETTLE_S + seconds)
             rate = visitor.rate(seconds, time.monotonic())
         finally:

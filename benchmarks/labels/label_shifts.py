@@ -20,7 +20,15 @@ from core.cameras import Camera, stereo_preset
 from core.detection.methods import make_detector, method_config
 from core.geometry import invert_transform
 from core.metrics import run_detector
-from core.recordings import BallTruth, CameraStream, PixelTruth, Recording, import_recording, open_recording
+from core.recordings import (
+    BallTruth,
+    CameraStream,
+    ImportOrder,
+    PixelTruth,
+    Recording,
+    import_recording,
+    open_recording,
+)
 from core.simulation import LaunchConfig, StereoConfig, simulate_recording
 from labels.assist.label_shift import LabelShift, find_label_shift
 from labels.formats import ImportContext
@@ -124,7 +132,7 @@ def make_rally(folder: Path, rng: np.random.Generator, number: int) -> Capture:
         truth = recording.cameras["left"].truth
     assert truth is not None, "the simulator knows it"
     path = folder / "imported.h5"
-    import_recording([folder / "h5"], path)
+    import_recording(ImportOrder([folder / "h5"]), path)
     return Capture(folder, name, path, truth)
 
 

@@ -14,8 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from core.chain.config import ChainConfig, published_chain
-from core.chain.physics import chain_for_physics
+from core.chain.config import ChainConfig, chain_for_physics, published_chain
 from core.config import config_to_mapping
 from core.data_sets import DataSetPlan, preset_plan
 from core.data_sets.plan import PAPER7_FRAMES, Making

@@ -482,11 +482,11 @@ def _play_ball(
     told: _SimulatedOutcome,
 ) -> ComparedBall:
     speed_mps = float(rng.uniform(3, 9))
-    dealt = draw_serve_batch(speed_mps, 1, environment, rng)
+    drawn = draw_serve_batch(speed_mps, 1, environment, rng)
     action = rng.uniform(-1, 1, (1, 3)) * (1.0 if rng.random() < 0.5 else 0.3)
     called_off = rng.random() < CALLED_OFF
     told.forget()
-    ball = backend.observe(dealt)
+    ball = backend.observe(drawn)
     if called_off:
         world_backend.aim(None)
         ball = dataclasses.replace(ball, seen=np.array([False]))
@@ -505,7 +505,7 @@ def _play_ball(
         hit_s=told.hit_s,
         decided_s=outcome.t_s,
         speed_mps=speed_mps,
-        launch_mps=float(np.linalg.norm(dealt.serves.vs_mps[0])),
+        launch_mps=float(np.linalg.norm(drawn.serves.vs_mps[0])),
         launch_s=backend.served_us * 1e-6,
     )
 

@@ -15,13 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras import Camera
-from core.chain.block_windows import block_windows
 from core.chain.chain import RallyChain
-from core.chain.config import ChainConfig
-from core.chain.control.controller import BuiltInController, Controller
-from core.chain.control.decision import RacketDecision
+from core.chain.config import ChainConfig, chain_for_physics, expected_physics
+from core.chain.control.controller import BuiltInController, Controller, RacketDecision
 from core.chain.control.player import Player, PlayerState
-from core.chain.physics import chain_for_physics, expected_physics
+from core.detection.window import block_windows
 from core.errors import ConfigError
 from core.events import Events
 from core.live.worlds.world import Block, ClassifiedBall, SimulatedWorld, WorldConfig

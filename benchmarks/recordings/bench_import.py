@@ -41,10 +41,10 @@ TRIGGER_EVENTS: Final = 2500
 _IMPORT: Final = """
 import json, re, sys, time
 from pathlib import Path
-from core.recordings import import_recording
-import_recording([Path(sys.argv[1])], Path(sys.argv[3]))
+from core.recordings import ImportOrder, import_recording
+import_recording(ImportOrder([Path(sys.argv[1])]), Path(sys.argv[3]))
 started, started_cpu = time.perf_counter(), time.process_time()
-summary = import_recording([Path(sys.argv[2])], Path(sys.argv[4]), overwrite=True)
+summary = import_recording(ImportOrder([Path(sys.argv[2])]), Path(sys.argv[4]), overwrite=True)
 seconds, cpu_seconds = time.perf_counter() - started, time.process_time() - started_cpu
 peak_mb = int(re.search(r"VmHWM:\\s+(\\d+) kB", Path("/proc/self/status").read_text("utf-8"))[1]) / 1024
 print(json.dumps({"seconds": seconds, "cpu_seconds": cpu_seconds, "peak_mb": peak_mb,

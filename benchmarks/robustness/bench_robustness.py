@@ -20,10 +20,10 @@ from scipy.spatial.transform import Rotation
 from benchmarks.machine import describe_machine, machine_words, report_rows_to
 from benchmarks.rally.closed_loop import ClosedLoop, PlayedBall
 from core.cameras import Camera, stereo_preset
+from core.chain.config import expected_physics
 from core.chain.control.controller import BuiltInController, ControllerConfig
 from core.chain.control.player import FREEZE_S, JITTERS
 from core.chain.control.step_test import CommandLatency, RacketStep, command_latency
-from core.chain.physics import expected_physics
 from core.errors import CommandError
 from core.events import Events
 from core.files import replace_file

@@ -49,9 +49,10 @@ from core.cameras.opencv_yaml import (
 )
 from core.cameras.plausible import check_lenses, odd_lenses, odd_poses
 from core.cameras.slam_files import camera_from_camodocal, looks_like_camodocal, tree_from_ros_ini
-from core.cameras.units import Unit, check_board_unit, check_lengths, in_metres, stated_unit
+from core.cameras.units import check_board_unit, check_lengths, in_metres, stated_unit
 from core.errors import CalibrationError
 from core.files import replace_file
+from core.foreign_tables import Unit
 from core.text import compression_of, decode_text, parse_toml
 
 FORMAT: Final = "rallyscope-calibration"

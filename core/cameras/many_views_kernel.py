@@ -43,7 +43,15 @@ class Equations(NamedTuple):
 
 @njit
 def project_with_slopes(p: Array, centre: Array, R: Array, lens: Array, slopes: Array) -> tuple[float, float]:
-    """The pixel of a point; `slopes` (2, 3) gets its derivatives by the point. nan if it is not in front."""
+    """The pixel of a point; `slopes` (2, 3) gets its derivatives by the point. nan if it is not in front.
+
+    Args:
+        p: (3,) the point in the world, m.
+        centre: (3,) the camera's place in the world, m.
+        R: (3, 3) rotation from camera to world.
+        lens: the lens as `CameraArrays` holds it.
+        slopes: (2, 3) output, px per m.
+    """
     x, y, z = p[0] - centre[0], p[1] - centre[1], p[2] - centre[2]
     zc = R[0, 2] * x + R[1, 2] * y + R[2, 2] * z
     if not zc > 1e-9:
@@ -123,6 +131,16 @@ def refine_rows(
     """Improve what `triangulate_rows` found where three cameras or more see the ball; rows of two stay as they are.
 
     `distances` (N, C) gets how far each camera's pixel is from the projected point, nan for cameras that do not see it.
+
+    Args:
+        uvs: (N, C, 2) pixels; nan where a camera has none.
+        rig: the cameras.
+        spreads: (N, C, 2, 2) a root of each pixel's covariance, px.
+        floor_px: standard deviation that is added to that of every pixel: no camera decides alone.
+        ps: (N, 3) points, improved in place, m.
+        residuals: (N,) output, px.
+        covs: (N, 3, 3) output, m^2.
+        distances: (N, C) output, px.
     """
     cameras = len(rig.lenses)
     hessian, noise, inverse, scaled = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))

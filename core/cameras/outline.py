@@ -34,7 +34,14 @@ class BallCircles:
 def ball_outline(
     camera: Camera, ps_world: ArrayLike, radius_m: float = BALL_RADIUS_M, points: int = OUTLINE_POINTS
 ) -> NDArray[np.float64]:
-    """Pixel positions (N, points, 2) once round the outlines of spheres at `ps_world` (N, 3)."""
+    """Pixel positions (N, points, 2) once round the outlines of spheres at `ps_world` (N, 3).
+
+    Args:
+        camera: the camera that sees them.
+        ps_world: (N, 3) centres, m.
+        radius_m: of the spheres.
+        points: number of positions round each outline.
+    """
     centres = camera.to_camera(ps_world)
     distance_squared = np.einsum("ij,ij->i", centres, centres)
     outside = (distance_squared > radius_m**2) & (centres[:, 2] > radius_m)

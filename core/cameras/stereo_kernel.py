@@ -82,6 +82,16 @@ def triangulate_rows(
     """Fill points (N, 3), residuals (N,) and covariances (N, 3, 3) of pixels (N, C, 2); nan where there is no point.
 
     `spreads_px` (N, C, 2, 2): a root of each pixel's covariance.
+
+    Args:
+        uvs: (N, C, 2) pixels; nan where a camera has none.
+        lenses: (C, L) as `CameraArrays` holds them.
+        centres: (C, 3) places of the cameras in the world, m.
+        Rs: (C, 3, 3) rotations from camera to world.
+        spreads_px: (N, C, 2, 2) a root of each pixel's covariance.
+        ps: (N, 3) output: points in the world, m.
+        residuals: (N,) output: rms distance of the pixels from the projected point, px.
+        covs: (N, 3, 3) output, m^2.
     """
     cameras = len(lenses)
     xys, rays = np.empty((cameras, 2)), np.empty((cameras, 3))

@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import combinations
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 
 from core.cameras.calibration_values import CalibrationNode, read_numbers
 from core.cameras.camera import Camera
 from core.errors import CalibrationError
+from core.foreign_tables import METRES, Unit, length_unit
 from core.geometry import make_transform
-
-Unit = Literal["m", "mm", "cm"]
-METRES: Final[dict[str, float]] = {"m": 1.0, "mm": 1e-3, "cm": 1e-2}
 
 NEAREST_M: Final = 0.005
 FARTHEST_M: Final = 12.0
@@ -39,10 +37,6 @@ LARGEST_SQUARE_M: Final = 0.5
 
 
 UNIT_KEYS: Final = ("unit", "units", "length_unit", "translation_unit", "baseline_unit", "distance_unit")
-_UNIT_WORDS: Final[dict[str, Unit]] = {
-    "m": "m", "meter": "m", "metre": "m", "mm": "mm", "millimeter": "mm", "millimetre": "mm",
-    "cm": "cm", "centimeter": "cm", "centimetre": "cm",
-}  # fmt: skip
 
 
 def stated_unit(tree: CalibrationNode, asked: Unit) -> Unit:
@@ -55,7 +49,7 @@ def stated_unit(tree: CalibrationNode, asked: Unit) -> Unit:
     value = None if key is None else tree.values[key]
     if not isinstance(value, str):
         return asked
-    stated = _UNIT_WORDS.get(value.strip().lower()) or _UNIT_WORDS.get(value.strip().lower().removesuffix("s"))
+    stated = length_unit(value)
     if stated is None or (asked not in ("m", stated)):
         expected = "m, cm or mm" if stated is None else f"{asked}, as --calibration-unit says"
         raise CalibrationError(f"{key}: another unit", expected=expected, got=repr(value[:40]), where=tree.where)

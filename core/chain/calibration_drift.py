@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras import Camera
-from core.cameras.epipolar import EpipolarDrift, EpipolarPair
+from core.cameras.stereo import EpipolarDrift, EpipolarPair
 from core.chain.chain import ChainState
 from core.config import check_settings, setting
 from core.table import TABLE_LENGTH_M, TABLE_WIDTH_M
@@ -29,7 +29,7 @@ MAX_CAMERAS: Final = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationDriftConfig:
-    """When the calibration is no longer believed. Tuned on seeds of `rallyscope bench drift` that it does not score."""
+    """When the calibration is no longer believed. Tuned on simulated rallies with cameras turned by known angles."""
 
     alarm_px: float = setting(0.42, 0.05, 20.0)
     """A drift that is surely greater raises the alarm: one of 1 px has to, one of .3 px must not."""

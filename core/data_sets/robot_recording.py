@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.cameras import Camera
-from core.chain.control.controller import BuiltInController
-from core.chain.control.decision import RacketDecision
+from core.chain.control.controller import BuiltInController, RacketDecision
 from core.config import config_to_mapping
 from core.errors import ConfigError
 from core.history.recorded_rally import EPISODES, RACKET, TARGETS, episode_rows, racket_rows, target_rows

@@ -1,4 +1,4 @@
-"""Cutting a stream of events into consecutive windows for a detector."""
+"""Cutting streams of events, of one camera or several side by side, into consecutive windows for a detector."""
 
 from __future__ import annotations
 
@@ -41,3 +41,21 @@ def windows_side_by_side(
     streams = [windows_between(source, start_us, end_us, window_us) for source in sources.values()]
     for windows in zip(*streams, strict=True):
         yield dict(zip(sources, windows, strict=True))
+
+
+def block_windows(
+    events: Mapping[str, Events], start_us: int, end_us: int, window_us: int
+) -> Iterator[dict[str, Window]]:
+    """Window after window of every camera over [start_us, end_us)."""
+    sources = {name: _BlockEvents(one) for name, one in events.items()}
+    return windows_side_by_side(sources, start_us, end_us, window_us)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _BlockEvents:
+    """One camera's events, as a source of windows."""
+
+    events: Events
+
+    def slice(self, start_us: int, end_us: int) -> Events:
+        return self.events.between(start_us, end_us)

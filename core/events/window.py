@@ -1,12 +1,24 @@
-"""A window of time with the events in it, or a picture: what a detector is given, an empty one too."""
+"""A window of time with the events in it, or the picture of an ordinary camera: what a detector is given."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from core.errors import EventsError
-from core.events.camera_frame import CameraFrame
 from core.events.events import Events
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraFrame:
+    """One picture with the middle of its exposure."""
+
+    t_us: int
+    exposure_us: int
+    image: NDArray[np.uint8]
+    """(height, width) or (height, width, 3 = RGB), read-only."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.chain.chain import BallPoint
-from core.chain.control.decision import RacketDecision
+from core.chain.control.controller import RacketDecision
 from core.chain.control.player import PlayerState
 from core.history.rally_picture import LandingSpot, Pose, RallyPicture, UncertaintyEllipse
 from core.recordings import BallTruth

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from core.chain.control.decision import RacketDecision
+from core.chain.control.controller import RacketDecision
 from core.chain.control.player import PlayerState
 from core.errors import LinkError, RallyscopeError, RecordingError
 from core.history.recorded_rally import (

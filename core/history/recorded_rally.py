@@ -6,13 +6,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from core.chain.control.decision import RacketDecision
+from core.chain.control.controller import RacketDecision
 from core.learning.config import RewardConfig
 from core.learning.task.reward import reward_weights, rewards_of
 from core.live.link import messages as m
@@ -32,20 +31,6 @@ SCENES_SEEN: Final = "/scenes"
 """Group of a recorded live rally that says which scene was shown from when, and who was in it."""
 REWARD: Final = RewardConfig(kind="case")
 """The live rally counts no episodes, so it is the reward with constant weights."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RecordedPrediction:
-    """A prediction of the hitting plane."""
-
-    t_us: int
-    """Time of the newest observation in it."""
-    stage: Stage
-    t_hit_us: int
-    p_hit_m: Array
-    v_hit_mps: Array
-    cov: Array
-    """(6, 6) of p and v."""
 
 
 class HasRows(Protocol):
@@ -135,18 +120,6 @@ def episode_rows(notice: m.OutcomeNotice, decision: RacketDecision | None, polic
         "reward": reward if known else np.array([unknown]),
         "policy": np.array([policy.encode("ascii", "replace")[:32]], "S32"),
     }
-
-
-def read_predictions(recording: HasRows) -> tuple[RecordedPrediction, ...]:
-    """What was expected, in order; nothing if the recording does not say."""
-    rows = recording.read_rows(PREDICTIONS)
-    if rows is None:
-        return ()
-    names = ("t_us", "stage", "t_hit_us", "p_hit_m", "v_hit_mps", "cov")
-    return tuple(
-        RecordedPrediction(int(t), _stage(stage), int(t_hit), p, v, cov)
-        for t, stage, t_hit, p, v, cov in zip(*(rows[name] for name in names), strict=True)
-    )
 
 
 def read_targets(recording: HasRows) -> tuple[RacketDecision, ...]:

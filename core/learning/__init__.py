@@ -8,8 +8,15 @@ from typing import TYPE_CHECKING
 
 from core.learning.agents.policy import Policy
 from core.learning.config import RunConfig, default_run
-from core.learning.runs.control import Control, RunStatus, read_status, write_control
-from core.learning.runs.run_files import create_run, load_policy, read_run
+from core.learning.runs.run_files import (
+    Control,
+    RunStatus,
+    create_run,
+    load_policy,
+    read_run,
+    read_status,
+    write_control,
+)
 
 if TYPE_CHECKING:
     from core.learning.runs.running import run_training

@@ -65,7 +65,7 @@ class TimingConfig:
     lead_ms: float = setting(50.0, 10.0, 200.0)
     """The stroke is decided at the first block with less time than this left until the ball arrives."""
     first_seen_ms: float = setting(18.0, 0.0, 200.0)
-    """A ball is first seen this long after the launch (measured, as what follows: `rallyscope bench state-errors`)."""
+    """A ball is first seen this long after the launch (measured on simulated serves, as what follows)."""
     seen_from_x_m: float = setting(1.12, -1.4, 3.0)
     """A ball is seen only nearer to the robot than this: the cameras' field of view."""
     error_scale: float = setting(1.0, 0.0, 50.0)

@@ -55,11 +55,11 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         speed_mps: float = 5.0,
         environment: EnvironmentConfig | None = None,
         reward: RewardConfig | str | None = None,
-        deliveries: ServeBatch | None = None,
+        batch: ServeBatch | None = None,
         backend: EpisodeBackend | None = None,
         racket: RacketSpeedRule | None = None,
     ) -> None:
-        """With `deliveries` exactly these balls are played, in this order, again from the first after the last.
+        """With `batch` exactly these balls are played, in this order, again from the first after the last.
 
         A `backend` serves, shows and plays them elsewhere than in the closed-form simulator. `reward` may be a name,
         and `racket` replaces that of the `environment`.
@@ -72,8 +72,8 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         self.outcome: Outcomes | None = None
         """Outcome of the last episode."""
         self._backend = backend or ClosedFormBackend(self.environment)
-        self._fixed = deliveries
-        self._dealt = deliveries
+        self._fixed = batch
+        self._drawn = batch
         self._next = 0
         self._now: ServeBatch | None = None
         self._is_over = True
@@ -82,13 +82,13 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         """Serve the next ball and observe it."""
         super().reset(seed=seed)
         if seed is not None and self._fixed is None:
-            self._dealt = None
+            self._drawn = None
         if seed is not None:
             self._backend.begin(seed)
-        if self._dealt is None or self._next >= len(self._dealt):
-            self._dealt = self._fixed or draw_serve_batch(self.speed_mps, BATCH, self.environment, self.np_random)
+        if self._drawn is None or self._next >= len(self._drawn):
+            self._drawn = self._fixed or draw_serve_batch(self.speed_mps, BATCH, self.environment, self.np_random)
             self._next = 0
-        self._now = self._backend.observe(self._dealt[self._next : self._next + 1])
+        self._now = self._backend.observe(self._drawn[self._next : self._next + 1])
         self._next += 1
         self._is_over = False
         return observations_of(self._now)[0], {}

@@ -19,7 +19,7 @@ from core.learning.task.environment import ClosedFormBackend, ServeBatch, check_
 Floats = NDArray[np.float32]
 
 BATCH = 8192
-"""Balls dealt at a time, for all copies."""
+"""Balls drawn at a time, for all copies."""
 
 
 class VectorReturn(gymnasium.vector.VectorEnv[Floats, Floats, NDArray[Any]]):
@@ -54,7 +54,7 @@ class VectorReturn(gymnasium.vector.VectorEnv[Floats, Floats, NDArray[Any]]):
         self.render_mode = None
         self.episodes = 0
         """Ended so far in each copy; the time-weighted reward counts them."""
-        self._dealt: ServeBatch | None = None
+        self._drawn: ServeBatch | None = None
         self._seen = np.zeros((0, 0), np.float32)
         self._next = 0
         self._now: ServeBatch | None = None
@@ -69,8 +69,8 @@ class VectorReturn(gymnasium.vector.VectorEnv[Floats, Floats, NDArray[Any]]):
             raise ConfigError("not a seed", expected="one whole number for all copies", got=repr(seed)[:80])
         super().reset(seed=None if seed is None else int(seed))
         if seed is not None:
-            self._dealt = None
-        return self._deal(), {}
+            self._drawn = None
+        return self._draw_batch(), {}
 
     def step(
         self, actions: Floats
@@ -96,7 +96,7 @@ class VectorReturn(gymnasium.vector.VectorEnv[Floats, Floats, NDArray[Any]]):
         infos |= {f"_{key}": everywhere for key in tuple(infos)}
         final = self._seen[self._next - self.num_envs : self._next].copy()
         infos |= {"final_info": dict(infos), "_final_info": everywhere, "final_obs": final, "_final_obs": everywhere}
-        return self._deal(), rewards, everywhere.copy(), np.zeros(self.num_envs, np.bool_), infos
+        return self._draw_batch(), rewards, everywhere.copy(), np.zeros(self.num_envs, np.bool_), infos
 
     def _checked(self, actions: Floats) -> NDArray[np.float64]:
         (size,) = self.single_action_space.shape or (3,)
@@ -105,15 +105,15 @@ class VectorReturn(gymnasium.vector.VectorEnv[Floats, Floats, NDArray[Any]]):
             check_actions(actions[copy], size, f"{self.agent} in copy {copy}", self.episodes)
         return np.asarray(actions, np.float64)
 
-    def _deal(self) -> Floats:
+    def _draw_batch(self) -> Floats:
         """The next ball of each copy, and what is seen of them."""
-        if self._dealt is None or self._next + self.num_envs > len(self._dealt):
+        if self._drawn is None or self._next + self.num_envs > len(self._drawn):
             rounds = max(1, BATCH // self.num_envs)
             count = rounds * self.num_envs
-            self._dealt = draw_serve_batch(self.speed_mps, count, self.environment, self.np_random)
-            self._seen = observations_of(self._dealt)
+            self._drawn = draw_serve_batch(self.speed_mps, count, self.environment, self.np_random)
+            self._seen = observations_of(self._drawn)
             self._next = 0
         which = slice(self._next, self._next + self.num_envs)
-        self._now = self._dealt[which]
+        self._now = self._drawn[which]
         self._next += self.num_envs
         return self._seen[which].copy()

@@ -25,8 +25,7 @@ from core.errors import DeviceError
 from core.events import Events
 from core.live.link import messages as m
 from core.live.link.live_source import LinkListener, LinkListeners, SourceStatus
-from core.live.link.published import camera_batch
-from core.live.session_blocks import state_of_block, welcome_to
+from core.live.link.published import camera_batch, state_of_block, welcome_to
 from core.physics.config import PhysicsConfig
 from core.simulation.event_cameras.event_camera import BLOCK_US
 

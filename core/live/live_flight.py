@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.chain.chain import BallPoint
-from core.chain.control.controller import LiveController
-from core.chain.control.decision import RacketDecision
+from core.chain.control.controller import LiveController, RacketDecision
 from core.chain.control.player import PlayerState
 from core.errors import LinkError
 from core.live.link import messages as m

@@ -14,15 +14,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
-from core.chain.block_windows import block_windows
 from core.chain.chain import RallyChain
-from core.chain.config import ChainConfig
-from core.chain.control.controller import BuiltInController, LiveController
-from core.chain.control.decision import RacketDecision
+from core.chain.config import ChainConfig, chain_for_physics, expected_physics
+from core.chain.control.controller import BuiltInController, LiveController, RacketDecision
 from core.chain.control.player import Player, PlayerState
 from core.chain.control.step_test import CommandLatency
-from core.chain.physics import chain_for_physics, expected_physics
 from core.config import check_settings, setting
+from core.detection.window import block_windows
 from core.errors import ConfigError, LinkError, RallyscopeError
 from core.live.link import messages as m
 from core.live.link.live_source import LiveSource

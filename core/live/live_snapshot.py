@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.chain.chain import BallPoint, ChainState
-from core.chain.control.decision import RacketDecision
+from core.chain.control.controller import RacketDecision
 from core.chain.control.player import PlayerState
 from core.physics.episode import Case
 from core.trajectory import Prediction

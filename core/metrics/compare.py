@@ -1,7 +1,8 @@
 """Comparison of methods over a recording: hits, misses, false answers and step time.
 
 Methods have windows of different lengths and answers for times of their own. All are asked at the same times, those of
-a `PixelReference`; an answer is right if it lies within the match radius of the reference at its own time.
+a `PixelReference`; an answer is right if it lies within the match radius of the reference at its own time. Against
+labels each method is run at the labels and counted there, once a label, as a score on labels counts.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from core.detection import DetectorConfig
 from core.detection.methods import Method, make_detector, method_config
 from core.events import SensorSize
+from core.metrics.at_times import answers_at
 from core.metrics.grid_score import GRID_US, askable, distance_us
 from core.metrics.run import LEAD_IN_US, TimedDetector, WindowAnswers, duration_of, one_opencv_thread, run_detector
 from core.metrics.score import MATCH_RADIUS_PX
@@ -127,7 +129,7 @@ class ClassifiedRun:
     run: MethodRun
     asked_us: NDArray[np.int64]
     found: NDArray[np.bool_]
-    """(A,) whether a right answer is within half a window, at least half a millisecond."""
+    """(A,) whether a right answer is within half a window, at least half a millisecond; a label's own must be right."""
     t_us: NDArray[np.int64]
     """(M,) times of the answers."""
     end_us: NDArray[np.int64]
@@ -205,6 +207,10 @@ def compare_methods(
             def report(share: float, number: int = number) -> None:
                 progress((number + share) / len(order))
 
+            if isinstance(against, PixelReference) and against.kind == "labels":
+                t_us = against.places.t_us[(start_us <= against.places.t_us) & (against.places.t_us < end_us)]
+                runs[method] = run_method_at(stream, method, config, t_us, progress=report, cancelled=cancelled)
+                continue
             runs[method] = run_method(stream, method, config, start_us, end_us, progress=report, cancelled=cancelled)
     if not isinstance(against, PixelReference):
         against = method_reference(runs[against].answers, against)
@@ -235,6 +241,27 @@ def run_method(
     return MethodRun(method, window_us, answers.rows(mine), np.array(detector.seconds)[mine])
 
 
+def run_method_at(
+    stream: CameraStream,
+    method: Method,
+    config: DetectorConfig,
+    t_us: NDArray[np.int64],
+    *,
+    progress: Callable[[float], None] = lambda share: None,
+    cancelled: Callable[[], bool] | None = None,
+) -> MethodRun:
+    """A method's answers at the times (N,) of labels, those of `answers_at`, with the time of each one's own window."""
+    window_us = method_config(method, config).window.window_us
+    detector, step_s = TimedDetector(make_detector(method, stream.sensor, config)), list[float]()
+
+    def answered(share: float) -> None:
+        step_s.append(detector.seconds[-1] if detector.seconds else 0.0)  # no window before the recording begins
+        progress(share)
+
+    answers = answers_at(stream, detector, t_us, window_us, progress=answered, cancelled=cancelled)
+    return MethodRun(method, window_us, answers, np.array(step_s))
+
+
 def judge_run(run: MethodRun, reference: PixelReference, *, match_radius_px: float = MATCH_RADIUS_PX) -> ClassifiedRun:
     """Compare the answers with the reference; times where it is unknown are ignored."""
     answers = run.answers.rows(run.answers.detected)
@@ -242,10 +269,13 @@ def judge_run(run: MethodRun, reference: PixelReference, *, match_radius_px: flo
     error_px = np.hypot(answers.u_px - there.u_px, answers.v_px - there.v_px)
     right = known & there.visible & (np.nan_to_num(error_px, nan=np.inf) <= match_radius_px)
     nearest_us = distance_us(reference.asked_us, answers.t_us[right])
+    near_us = (
+        0 if reference.kind == "labels" else max(GRID_US, run.window_us) // 2
+    )  # each label has an answer of its own
     return ClassifiedRun(
         run=run,
         asked_us=reference.asked_us,
-        found=nearest_us <= max(GRID_US, run.window_us) // 2,
+        found=nearest_us <= near_us,
         t_us=answers.t_us[known],
         end_us=answers.end_us[known],
         places_px=np.column_stack([answers.u_px, answers.v_px])[known],

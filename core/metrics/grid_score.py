@@ -101,6 +101,15 @@ def score_on_grid(
 
     A time is found with an answer within half a window of it, or half a step of the grid if that is more. Only times
     (N,) where `counts` is true, of the grid and of the answers, are asked and counted; without it all of them.
+
+    Args:
+        answers: of a detector, a row per window.
+        truth: centre and radius of the ball over time.
+        sensor: size of the picture.
+        speeds_px_per_ms: from, and below, which speed of the image balls are asked for.
+        window_us: length of the detector's windows.
+        match_radius_px: distance up to which an answer is right.
+        counts: whether times (N,), us, are asked and counted.
     """
     low, high = speeds_px_per_ms
     grid = np.arange(truth.t_us[0], truth.t_us[-1], GRID_US) if len(truth.t_us) else np.empty(0, np.int64)

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from core.chain.control.decision import RacketDecision
+from core.chain.control.controller import RacketDecision
 from core.chain.control.policy_controller import PolicyController
 from core.learning.agents.policy import Policy
 from core.learning.config import StateKind

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from core.chain.control.decision import RacketDecision
+from core.chain.control.controller import RacketDecision
 from core.errors import ConfigError
 from core.learning.agents.policy import Policy
 from core.live.live_snapshot import FinishedBall

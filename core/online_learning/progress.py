@@ -16,9 +16,8 @@ from core.learning.config import CHOSEN_MPS, RunConfig
 from core.learning.evaluation.policy_evaluator import really_seen
 from core.learning.task.reward import episode_rewards, reward_weights
 from core.live.live_snapshot import FinishedBall
-from core.live.worlds.outcomes import outcomes_of
 from core.physics.episode import Case
-from core.simulation.episodes.ball_outcome import BallOutcome
+from core.simulation.episodes.ball_outcome import BallOutcome, outcomes_of
 from core.table import BALL_RADIUS_M
 
 Array = NDArray[np.float64]

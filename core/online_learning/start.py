@@ -21,8 +21,16 @@ from core.learning.config import (
     LandingModelConfig,
     RunConfig,
 )
-from core.learning.runs.control import RunStatus, write_status
-from core.learning.runs.run_files import create_run, load_checkpoint, read_run, save_checkpoint, seed_files, seeds_of
+from core.learning.runs.run_files import (
+    RunStatus,
+    create_run,
+    load_checkpoint,
+    read_run,
+    save_checkpoint,
+    seed_files,
+    seeds_of,
+    write_status,
+)
 from core.physics.task import STAGE_SPEEDS_MPS
 
 Arrays = dict[str, NDArray[np.generic]]

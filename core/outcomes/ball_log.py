@@ -144,6 +144,14 @@ def contact_time(points: BallPoints, turn_s: float, x_m: float, vx_mps: float, a
     """When the ball met the racket: where the flight before it and the one after it are at the same x.
 
     The flight after it is at `x_m` with `vx_mps` at the time `at_s`. Without enough points before the turn, the turn.
+
+    Args:
+        points: seen points of the ball.
+        turn_s: when the ball turned, as seen.
+        x_m: x of the ball after it, at `at_s`.
+        vx_mps: its velocity along x then.
+        at_s: the time of these.
+        guard_s: points nearer to the turn than this are left out: a window may hold both flights.
     """
     before = points.part((points.t_s < turn_s - guard_s) & (points.t_s > turn_s - guard_s - BEFORE_S))
     if len(before) < 3:

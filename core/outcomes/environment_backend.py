@@ -1,4 +1,4 @@
-"""Interface of an environment backend: serves balls and delivers camera events."""
+"""Interface of an environment backend: balls are served, events come back."""
 
 from __future__ import annotations
 

@@ -51,7 +51,14 @@ def glide(s: Array, seconds: float, lift: float) -> None:
 
 @njit
 def places_along(rows: Array, t_s: Array, lift: float, ps_m: Array) -> None:
-    """Write to `ps_m` (N, K, 3) where each row (N, 13) at time 0 is at ascending times (K,): there is no table here."""
+    """Write to `ps_m` (N, K, 3) where each row (N, 13) at time 0 is at ascending times (K,): there is no table here.
+
+    Args:
+        rows: (N, 13) states at time 0.
+        t_s: (K,) ascending.
+        lift: acceleration per spin and velocity across it.
+        ps_m: (N, K, 3) output.
+    """
     s = np.empty(ROW)
     for i in range(len(rows)):
         s[:] = rows[i]
@@ -88,7 +95,16 @@ def look_ahead(rows: Array, lift: float, found: Array) -> None:
 
 @njit
 def places_after(rows: Array, what: Array, contact_s: Array, t_s: Array, lift: float, ps_m: Array) -> None:
-    """Write to `ps_m` (N, K, 3) each row's positions at ascending times (K,), after bouncing off its first contact."""
+    """Write to `ps_m` (N, K, 3) each row's positions at ascending times (K,), after bouncing off its first contact.
+
+    Args:
+        rows: (N, 13) states at time 0.
+        what: (N,) code of the first contact.
+        contact_s: (N,) when.
+        t_s: (K,) ascending.
+        lift: acceleration per spin and velocity across it.
+        ps_m: (N, K, 3) output.
+    """
     s = np.empty(ROW)
     for i in range(len(rows)):
         s[:] = rows[i]

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-from typing import Final
+from collections.abc import Callable, Mapping
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from core.chain.block_windows import block_windows
-from core.chain.chain import RallyChain
+from core.chain.chain import ChainState, RallyChain
 from core.chain.config import ChainConfig
+from core.detection.window import block_windows
 from core.errors import ConfigError
+from core.events import Events
 from core.learning.config import EnvironmentConfig
 from core.learning.task.environment import ServeBatch, strokes_of
 from core.learning.task.normalise import STATE_SIZES
@@ -22,7 +24,7 @@ from core.outcomes.classifier import NOT_SEEN_AGAIN, ClassifiedStroke, OutcomeCl
 from core.outcomes.config import OutcomeClassifierConfig
 from core.outcomes.environment_backend import EnvironmentBackend, SeenBlock
 from core.physics.episode import Case, Outcomes
-from core.simulation.episodes.racket import target_for_ball
+from core.simulation.episodes.racket import RacketTarget, target_for_ball
 from core.trajectory import HitPlane
 
 Array = NDArray[np.float64]
@@ -78,10 +80,10 @@ class PerceivedBackend:
         self._chain.reset()
         self._judge.reset()
 
-    def observe(self, delivery: ServeBatch) -> ServeBatch:
+    def observe(self, batch: ServeBatch) -> ServeBatch:
         """Serve a ball, and observe it until the stroke has to be decided."""
         self._rest()
-        serves = delivery.serves
+        serves = batch.serves
         self.served_us, self.judged = self._world_backend.now_us, None
         self._chain.reset()
         self._judge.begin()
@@ -94,22 +96,16 @@ class PerceivedBackend:
                 continue
             if newest is not None:
                 seen = newest
-                self._aim(self._as_seen(delivery, seen, serve), np.zeros((1, 3)))
+                self._aim(self._as_seen(batch, seen, serve), np.zeros((1, 3)))
             if seen is not None and 1e6 * seen.t_s - self._world_backend.now_us < LEAD_US:
-                return self._as_seen(delivery, seen, serve)
+                return self._as_seen(batch, seen, serve)
         self._judge_unseen()
-        return dataclasses.replace(
-            delivery,
-            seen=np.array([False]),
-            states=np.zeros((1, STATE_SIZES[self._environment.state])),
-            aim_ps_m=np.full((1, 3), np.nan),
-            aim_t_s=np.full(1, np.nan),
-        )
+        return without_prediction(batch, self._environment)
 
-    def play(self, delivery: ServeBatch, action: Array) -> Outcomes:
+    def play(self, batch: ServeBatch, action: Array) -> Outcomes:
         """Send the racket, and observe the outcome. Times count from the first observation of the serve."""
-        if delivery.seen[0]:
-            self._aim(delivery, action)
+        if batch.seen[0]:
+            self._aim(batch, action)
         while self.judged is None and self._world_backend.now_us - self.served_us < LONGEST_US:
             self._watch(self._world_backend.advance())
         self._judge_unseen()
@@ -134,33 +130,19 @@ class PerceivedBackend:
 
     def _watch(self, block: SeenBlock) -> HitPlane | None:
         """Process a block's events; returns the newest prediction, and stores a classification."""
-        found = None
-        for windows in block_windows(block.events, block.start_us, block.end_us, WINDOW_US):
-            state = self._chain.step(windows)
+
+        def judge(state: ChainState) -> None:
             self.judged = self._judge.step(state) or self.judged
-            if state.is_new and state.prediction is not None and state.prediction.hit_plane is not None:
-                found = state.prediction.hit_plane
-        return found
 
-    def _as_seen(self, delivery: ServeBatch, seen: HitPlane, serve: ServeSeen) -> ServeBatch:
+        return newest_prediction(self._chain, block, WINDOW_US, judge)
+
+    def _as_seen(self, batch: ServeBatch, seen: HitPlane, serve: ServeSeen) -> ServeBatch:
         racket_mps = self._environment.task.stroke.racket_speed.at(serve.speed_mps)
-        return dataclasses.replace(
-            delivery,
-            seen=np.array([True]),
-            states=state_of(seen, self._environment.state)[None],
-            aim_ps_m=seen.p_world_m[None].copy(),
-            aim_t_s=np.array([seen.t_s - serve.t_us * 1e-6]),
-            racket_speeds_mps=np.array([racket_mps]),
-        )
+        observed = with_prediction(batch, seen, serve.t_us * 1e-6, self._environment)
+        return dataclasses.replace(observed, racket_speeds_mps=np.array([racket_mps]))
 
-    def _aim(self, delivery: ServeBatch, action: Array) -> None:
-        strokes = strokes_of(delivery, action, self._environment)
-        assert strokes.aim_ps_m is not None and strokes.aim_t_s is not None
-        t_s = self._origin_us() * 1e-6 + float(strokes.aim_t_s[0])
-        try:
-            self._world_backend.aim(target_for_ball(strokes.aim_ps_m[0], strokes.qs_wxyz[0], strokes.vs_mps[0], t_s))
-        except ConfigError as error:
-            logger.info("racket target refused: %s", error)
+    def _aim(self, batch: ServeBatch, action: Array) -> None:
+        aim_racket(self._world_backend.aim, batch, action, self._origin_us() * 1e-6, self._environment)
 
     def _rest(self) -> None:
         """Send the racket to rest, and wait until the last ball is out of sight."""
@@ -175,6 +157,77 @@ class PerceivedBackend:
                     quiet_us = block.end_us
             if block.end_us - quiet_us >= QUIET_US:
                 break
+
+
+class SeenEvents(Protocol):
+    """Events of several cameras over a time."""
+
+    @property
+    def start_us(self) -> int: ...
+    @property
+    def end_us(self) -> int: ...
+    @property
+    def events(self) -> Mapping[str, Events]: ...
+
+
+def newest_prediction(
+    chain: RallyChain, block: SeenEvents, window_us: int, on_step: Callable[[ChainState], None]
+) -> HitPlane | None:
+    """The newest prediction of the hitting plane after the chain has taken a block's windows; None without one."""
+    found = None
+    for windows in block_windows(block.events, block.start_us, block.end_us, window_us):
+        state = chain.step(windows)
+        on_step(state)
+        if state.is_new and state.prediction is not None and state.prediction.hit_plane is not None:
+            found = state.prediction.hit_plane
+    return found
+
+
+def with_prediction(batch: ServeBatch, seen: HitPlane, served_s: float, environment: EnvironmentConfig) -> ServeBatch:
+    """The batch of one serve with the state and the aim that a prediction gives; its times count from the serve."""
+    return dataclasses.replace(
+        batch,
+        seen=np.array([True]),
+        states=state_of(seen, environment.state)[None],
+        aim_ps_m=seen.p_world_m[None].copy(),
+        aim_t_s=np.array([seen.t_s - served_s]),
+    )
+
+
+def without_prediction(batch: ServeBatch, environment: EnvironmentConfig) -> ServeBatch:
+    """The batch of a serve that was never seen, or never predicted to come: an outcome is all there is."""
+    return dataclasses.replace(
+        batch,
+        seen=np.array([False]),
+        states=np.zeros((1, STATE_SIZES[environment.state])),
+        aim_ps_m=np.full((1, 3), np.nan),
+        aim_t_s=np.full(1, np.nan),
+    )
+
+
+def aim_racket(
+    aim: Callable[[RacketTarget], object],
+    batch: ServeBatch,
+    action: Array,
+    served_s: float,
+    environment: EnvironmentConfig,
+) -> None:
+    """Let the racket meet the expected ball with this action's orientation; a target that it refuses is logged.
+
+    Args:
+        aim: sends the racket to a target; raises ConfigError if it cannot go there.
+        batch: one serve as `with_prediction` gives it.
+        action: (1, 3) in [-1, 1].
+        served_s: time of the serve on the cameras' clock, s.
+        environment: gives the stroke's limits.
+    """
+    strokes = strokes_of(batch, action, environment)
+    assert strokes.aim_ps_m is not None and strokes.aim_t_s is not None
+    t_s = served_s + float(strokes.aim_t_s[0])
+    try:
+        aim(target_for_ball(strokes.aim_ps_m[0], strokes.qs_wxyz[0], strokes.vs_mps[0], t_s))
+    except ConfigError as error:
+        logger.info("racket target refused: %s", error)
 
 
 def outcomes_as_judged(judged: ClassifiedStroke, origin_us: int) -> Outcomes:

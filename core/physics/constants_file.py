@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any, Final
 from core.errors import ConfigError
 from core.physics.config import PhysicsConfig, physics_profile
 from core.table import FittedConstant
+from core.text import parse_json
 
 MAX_BYTES: Final = 50_000_000
 """A report also lists every flight; more is no report."""
@@ -61,7 +61,7 @@ def _read_json(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise ConfigError("cannot read the constants", got=error.strerror, where=path) from error
     try:
-        report = json.loads(text) if len(text) <= MAX_BYTES else None
+        report = parse_json(text) if len(text) <= MAX_BYTES else None
     except ValueError:
         report = None
     if not isinstance(report, dict):

@@ -51,7 +51,15 @@ def _slope(p0: float, v0: float, p1: float, v1: float, h: float, t: float) -> fl
 
 @njit
 def piece_at(a: Array, b: Array, h: float, t: float, out: Array) -> None:
-    """State (9,) `t` seconds into a piece of `h` seconds between states `a` and `b`; spin is constant in flight."""
+    """State (9,) `t` seconds into a piece of `h` seconds between states `a` and `b`; spin is constant in flight.
+
+    Args:
+        a: (9,) state at the piece's start: position, velocity, spin.
+        b: (9,) state at its end.
+        h: duration of the piece, s.
+        t: time since its start, s.
+        out: (9,) output.
+    """
     for k in range(3):
         out[k] = _cubic(a[k], a[3 + k], b[k], b[3 + k], h, t)
         out[3 + k] = _slope(a[k], a[3 + k], b[k], b[3 + k], h, t)
@@ -95,6 +103,15 @@ def find_crossings(a: Array, b: Array, h: float, racket_a: Array, racket_b: Arra
     """Write to `times` (COUNT,) when in (0, h] each plane is crossed, NaN where it is not.
 
     `a`, `b` are ball states (9,); `racket_a`, `racket_b` hold position, velocity and normal of the face (9,).
+
+    Args:
+        a: (9,) ball state at the start of the step: position m, velocity m/s, spin rad/s.
+        b: (9,) ball state at its end.
+        h: duration of the step, s.
+        racket_a: (9,) position, velocity and normal of the face at the start.
+        racket_b: (9,) the same at the end.
+        hit_x: x of the hitting plane, m.
+        times: (COUNT,) output, s since the start.
     """
     for which in range(COUNT):
         times[which] = math.nan

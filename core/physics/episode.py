@@ -158,7 +158,15 @@ def strokes_from_actions(
     aim_ps_m: Array | None = None,
     aim_t_s: Array | None = None,
 ) -> Strokes:
-    """Strokes of actions (N, 3) in [-1, 1] with the racket moving along +x at one speed or one per episode."""
+    """Strokes of actions (N, 3) in [-1, 1] with the racket moving along +x at one speed or one per episode.
+
+    Args:
+        actions: (N, 3) in [-1, 1].
+        racket_speed_mps: of the racket along +x, one or (N,).
+        stroke: gives the base orientation and the largest angles.
+        aim_ps_m: (N, 3) where the ball is expected at the impact; None: where it is.
+        aim_t_s: (N,) and when.
+    """
     qs = orientations_from_actions(actions, stroke)
     vs = np.zeros((len(qs), 3))
     vs[:, 0] = racket_speed_mps

@@ -34,6 +34,13 @@ def positions_at(start: Array, t_s: Array, air: Air, table: Surface, ps_m: Array
     """Write to `ps_m` (N, 3) where a ball that starts as `start` (9,) is at the times `t_s` (N,) >= 0, ascending.
 
     It bounces on the table's top as often as it comes down there; net, racket and floor are not in the way.
+
+    Args:
+        start: (9,) position, velocity and spin at time 0: m, m/s, rad/s.
+        t_s: (N,) times since the start.
+        air: the ball's air.
+        table: the table's surface.
+        ps_m: (N, 3) output.
     """
     s, landed = start.copy(), np.empty(9)
     now = 0.0
@@ -101,7 +108,14 @@ class FittedPhysics:
 
 
 def with_constants(magnus: float, drag: float, restitution: float, friction: float) -> PhysicsConfig:
-    """The profile `real` with other constants of air and table."""
+    """The profile `real` with other constants of air and table.
+
+    Args:
+        magnus: coefficient of lift by spin.
+        drag: drag coefficient.
+        restitution: share of the speed across the table that a bounce keeps.
+        friction: Coulomb coefficient of the table.
+    """
     real = physics_profile("real")
     air = replace(real.air, drag_coefficient=float(drag), magnus_coefficient=float(magnus))
     table = replace(real.table, restitution=float(restitution), restitution_loss_s_per_m=0.0, friction=float(friction))
@@ -173,7 +187,15 @@ class BootstrapSigmas:
 def bootstrap(
     flights: Sequence[RecordedFlight], fitted: FittedPhysics, samples: int, seed: int, progress: Callable[[float], None]
 ) -> BootstrapSigmas:
-    """Bootstrap of the constants over the flights from which `fitted` was made."""
+    """Bootstrap of the constants over the flights from which `fitted` was made.
+
+    Args:
+        flights: the recorded flights.
+        fitted: the fit to all of them, where each fit begins.
+        samples: number of drawings of as many flights, with replacement.
+        seed: of the drawings.
+        progress: gets the share that is done.
+    """
     constants = np.array([fitted.drag_coefficient, fitted.restitution, fitted.friction])
     rng = np.random.default_rng(seed)
     found = np.empty((samples, 3))

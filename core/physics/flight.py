@@ -48,7 +48,16 @@ def air_from_config(physics: PhysicsConfig) -> Air:
 def acceleration(
     vx: float, vy: float, vz: float, s: Array, drag_per_m: float, lift: float
 ) -> tuple[float, float, float]:
-    """Acceleration by air and gravity of a ball with the spin of state `s`, at another velocity."""
+    """Acceleration by air and gravity of a ball with the spin of state `s`, at another velocity.
+
+    Args:
+        vx: velocity of the ball along x in still air, m/s.
+        vy: along y, m/s.
+        vz: along z, m/s.
+        s: state with the spin at 6 to 8, rad/s.
+        drag_per_m: rho C_d A / 2m, 1/m.
+        lift: rho C_m A r / 2m: acceleration per spin and velocity across it.
+    """
     k = drag_per_m * math.sqrt(vx * vx + vy * vy + vz * vz)
     return (
         -k * vx + lift * (s[7] * vz - s[8] * vy),
@@ -62,6 +71,13 @@ def rk4_step(s: Array, h: float, drag_per_m: float, lift: float, out: Array) -> 
     """Write position and velocity one Runge-Kutta step after `s` to the first six of `out`, which may be `s`.
 
     The filter's states, which are longer, fly by the same step as the simulation's.
+
+    Args:
+        s: state, at least (9,): position, velocity, spin.
+        h: step, s.
+        drag_per_m: rho C_d A / 2m, 1/m.
+        lift: rho C_m A r / 2m.
+        out: output, at least (6,).
     """
     vx, vy, vz = s[3], s[4], s[5]
     ax, ay, az = acceleration(vx, vy, vz, s, drag_per_m, lift)
@@ -78,7 +94,14 @@ def rk4_step(s: Array, h: float, drag_per_m: float, lift: float, out: Array) -> 
 
 @njit
 def fly(s: Array, h: float, air: Air, out: Array) -> None:
-    """Write the state `h` seconds after `s` to `out` (may be `s`): one parabola, or one Runge-Kutta step."""
+    """Write the state `h` seconds after `s` to `out` (may be `s`): one parabola, or one Runge-Kutta step.
+
+    Args:
+        s: (9,) position, velocity and spin: m, m/s, rad/s.
+        h: duration, s; in air no longer than `air.step_s` for its accuracy.
+        air: drag and lift, or none.
+        out: (9,) output.
+    """
     out[6:9] = s[6:9]
     if air.acts:
         rk4_step(s, h, air.drag_per_m, air.lift, out)
@@ -113,6 +136,12 @@ def fall_through(s: Array, plane: tuple[float, float, float, float, float], air:
     """When a x + b y + c z + d t + e first falls from positive to negative, or NaN; the state then goes to `out`.
 
     `plane` is (a, b, c, d, e), t counts from the state `s`. A plane that moves with constant velocity has d != 0.
+
+    Args:
+        s: (9,) position, velocity and spin.
+        plane: its five coefficients: of x, y, z (m), of t (s), and the constant.
+        air: drag and lift, or none.
+        out: (9,) output.
     """
     a, b, c, d, e = plane
     g = a * s[0] + b * s[1] + c * s[2] + e

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import RallyscopeError
+from core.foreign_tables import METRES, NO_NUMBER, spelled, split_unit, with_point
 from core.physics.flight_motion import (
     FEWEST,
     SPEEDS_MPS,
@@ -34,15 +35,14 @@ from core.physics.flight_motion import (
 from core.text import decode_text
 
 COLUMNS = ("t_s", "x_m", "y_m", "z_m")
-TIMES = {"t_s": 1.0, "t_us": 1e-6, "t_ms": 1e-3, "t_ns": 1e-9}
-"""Column of times -> its unit in seconds; the first that is there is taken."""
-PLACES = {"_m": 1.0, "_mm": 1e-3, "_cm": 1e-2}
-"""End of the name of a column of places -> its unit in metres."""
+TIMES: Final = ("t_s", "t_us", "t_ms", "t_ns")
+"""Columns of times before any other spelling; the first that is there is taken."""
+SECONDS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Unit of time -> seconds."""
 TT3D_COLUMNS: Final = ("Timestamp", "X", "Y", "Z")
 """tt3d: seconds and metres, X along the table's width, Y along its length, Z up, origin on the table's top."""
-TIME_NAME: Final = re.compile(r"(?:t|time|timestamp|stamp)(?:(s|sec|seconds?|ms|us|µs|ns))?")
+TIME_NAMES: Final = "t|time|timestamp|stamp"
 PLACE_NAME: Final = re.compile(r"(?:p|pos|position|ball)?([xyz])(?:world)?(m|mm|cm)?(?:world)?")
-NO_NUMBER: Final = frozenset({"", "nan", "na", "n/a", "null", "none", "-", "--"})
 LARGEST_TIME_S = 1e10
 """Seconds since 1970 are 2e9; milliseconds of that age would be 2e12."""
 LARGEST_PLACE_M = 100.0
@@ -51,7 +51,6 @@ _FAR_OFF: Final = 10.0
 """A row at the end or the beginning that is this many times the flight's length away from it is none of the flight."""
 _SEPARATORS: Final = ",;\t|"
 _SEPARATOR_LINE: Final = re.compile(r"(?i)\"?sep=.?\"?")
-_DECIMAL_COMMA: Final = re.compile(r"[-+]?\d*,\d*(?:e[-+]?\d+)?", re.IGNORECASE)
 MOST_MISSING: Final = 0.5
 """Share of the rows without a number: beyond that, the file is not what it seems."""
 SEVERAL_FLIGHTS: Final = 0.2
@@ -88,16 +87,6 @@ class _Columns:
     time_s: float | None
     place_m: float | None
     is_tt3d: bool
-
-
-def read_points(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Times (N,) in seconds, ascending, and positions (N, 3). Other columns are ignored.
-
-    Raises:
-        PointsFileError: naming the file and the row, if it cannot be read or a row is wrong.
-    """
-    found = read_points_file(path)
-    return found.t_s, found.ps_m
 
 
 def read_points_file(path: Path) -> PointsFile:
@@ -183,26 +172,25 @@ def _columns(header: list[str], path: Path) -> _Columns:
     """The four columns that are read."""
     if tuple(header) == TT3D_COLUMNS:
         return _Columns((0, 1, 2, 3), TT3D_COLUMNS, 1.0, 1.0, is_tt3d=True)
-    units = {"s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
-    metres = {end[1:]: size for end, size in PLACES.items()}
-    plain = [re.sub(r"[^a-zµ]", "", name.lower().replace("μ", "µ")) for name in header]
+    plain = [re.sub(r"[^a-z]", "", spelled(name)) for name in header]
+    times = [split_unit(name, TIME_NAMES, joined=True) for name in header]
     time = next((header.index(name) for name in TIMES if name in header), None)
     if time is None:
-        time = next((at for at, name in enumerate(plain) if TIME_NAME.fullmatch(name)), None)
+        time = next((at for at, found in enumerate(times) if found is not None), None)
     axes: dict[str, dict[str | None, int]] = {}
     for at, name in enumerate(plain):
         match = PLACE_NAME.fullmatch(name)
         if match:
             axes.setdefault(match[1], {}).setdefault(match[2], at)
-    common = [unit for unit in (*metres, None) if all(unit in axes.get(axis, {}) for axis in "xyz")]
+    common = [unit for unit in (*METRES, None) if all(unit in axes.get(axis, {}) for axis in "xyz")]
     if time is None or not common:
         got = ",".join(header)[:80] or "an empty file"
         raise PointsFileError("columns are missing", expected=",".join(COLUMNS), got=got, where=f"{path}, row 1")
     places = (time, *(axes[axis][common[0]] for axis in "xyz"))
-    stated = TIME_NAME.fullmatch(plain[time])
-    unit = units[stated[1]] if stated and stated[1] else None
+    stated = times[time]
+    unit = None if stated is None or stated[1] is None else SECONDS[stated[1]]
     names = tuple(header[place] for place in places)
-    return _Columns(places, names, unit, None if common[0] is None else metres[common[0]], is_tt3d=False)
+    return _Columns(places, names, unit, None if common[0] is None else METRES[common[0]], is_tt3d=False)
 
 
 def _numbers(cells: list[tuple[int, list[str]]], columns: _Columns, path: Path, notes: list[str], wide: int) -> _Rows:
@@ -255,7 +243,7 @@ def _number(text: str, column: str, where: str) -> float | None:
     if text.lower() in NO_NUMBER:
         return None
     try:
-        value = float(text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text) else text)
+        value = float(with_point(text))
     except ValueError:
         value = math.inf
     if math.isnan(value):
@@ -336,7 +324,7 @@ def _in_order(rows: _Rows, columns: _Columns, path: Path, notes: list[str]) -> _
 def _scaled(rows: _Rows, columns: _Columns, path: Path, notes: list[str]) -> PointsFile:
     """In seconds and metres, and checked."""
     table, time_s, place_m = rows.table, columns.time_s, columns.place_m
-    if time_s is None or place_m is None:
+    if time_s is None or place_m is None:  # the unit depends on the maker: microsoft/LabanotationSuite#9
         found = find_units(table, time_s, place_m)
         if len(found) != 1:
             likely = " or ".join(str(one) for one in found) or "none in which they fly as a ball does"
@@ -355,6 +343,7 @@ def _scaled(rows: _Rows, columns: _Columns, path: Path, notes: list[str]) -> Poi
     t_s, ps_m = time_s * rows.table[:, 0], place_m * rows.table[:, 1:]
     motion = measure_motion(t_s, ps_m)
     remedy = other_units(t_s, ps_m) if motion is not None and not motion.is_a_flight else ""
+    # Seconds in a column called t_ms, or t_ns: swift-nav/piksi_tools#629, waterloo-rocketry/omnibus#540.
     if motion is not None and (motion.speed_mps > SPEEDS_MPS[1] or "multiplied" in remedy):
         expected, got = "0.2 to 60 m/s", f"{motion.speed_mps:.3g} m/s"
         raise PointsFileError(

@@ -1,5 +1,6 @@
 """Recordings on disk: one way to open every format, and the writer of ours."""
 
+from core.recordings.import_feeds import ImportOrder
 from core.recordings.importing import check_import, import_recording
 from core.recordings.opening import open_recording
 from core.recordings.recording import CameraStream, Recording, Triggers, knows_ball
@@ -9,6 +10,7 @@ from core.recordings.writer import RecordingWriter
 __all__ = [
     "BallTruth",
     "CameraStream",
+    "ImportOrder",
     "PixelTruth",
     "Recording",
     "RecordingWriter",

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from core.errors import RecordingError
 from core.events import Events
-from core.events.image import count_image
+from core.events.events import count_image
 from core.recordings.frame_import import picture_files, read_images
 from core.recordings.frames import FrameStream
 from core.recordings.opening import open_recording

@@ -13,6 +13,7 @@ from core.errors import RecordingError
 from core.events import SensorSize
 from core.recordings import layout
 from core.recordings.hdf5 import HDF5_ERRORS
+from core.recordings.import_feeds import ImportOrder
 from core.recordings.importing import import_recording
 from core.recordings.log.assemble import assemble
 from core.recordings.log.growing import is_growing
@@ -21,7 +22,7 @@ from core.recordings.sources.piped_sources import is_pipe
 
 
 def open_recording(
-    path: Path | str, *, sensor: SensorSize | None = None, progress: Callable[[float], None] | None = None
+    path: Path | str, *, sensor: SensorSize | None = None, progress: Callable[[float], None] = lambda share: None
 ) -> FileRecording:
     """The recording in a file, recognised by content.
 
@@ -44,7 +45,7 @@ def open_recording(
     folder = tempfile.TemporaryDirectory(prefix="rallyscope-")
     try:
         decoded = Path(folder.name) / "decoded.h5"
-        import_recording([path], decoded, sensor=sensor, progress=progress)
+        import_recording(ImportOrder([path], sensor=sensor), decoded, progress=progress)
         return FileRecording(decoded, on_close=folder.cleanup)
     except BaseException:
         folder.cleanup()

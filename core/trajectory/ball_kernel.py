@@ -48,7 +48,14 @@ def pull(s: Array, lift: float) -> tuple[float, float, float]:
 
 @njit
 def glide(s: Array, h: float, lift: float, out: Array) -> None:
-    """One Runge-Kutta step of free flight from `s` to `out`, which may be `s`."""
+    """One Runge-Kutta step of free flight from `s` to `out`, which may be `s`.
+
+    Args:
+        s: (14,) state.
+        h: step, s.
+        lift: acceleration per spin and velocity across it.
+        out: (14,) output.
+    """
     rk4_step(s, h, DRAG_PER_M * s[DRAG], lift, out)
     for k in range(SPIN, STATE):
         out[k] = s[k]
@@ -73,7 +80,15 @@ def down_in(s: Array, lift: float) -> float:
 
 @njit
 def land(s: Array, h: float, guess_s: float, lift: float, out: Array) -> float:
-    """When within `h` the ball is down at the table's plane; the state goes to `out`."""
+    """When within `h` the ball is down at the table's plane; the state goes to `out`.
+
+    Args:
+        s: (14,) state before the landing.
+        h: time within which it comes, s.
+        guess_s: first guess of when, s.
+        lift: acceleration per spin and velocity across it.
+        out: (14,) output.
+    """
     t = min(max(guess_s, 0.0), h)
     for _ in range(3):
         glide(s, t, lift, out)
@@ -120,7 +135,15 @@ def fly_and_bounce(s: Array, seconds: float, lift: float) -> float:
 
 @njit
 def touches(states: Array, t_s: float, hit_x_m: float, lift: float, found: Array) -> None:
-    """Write to `found` (N, 22) what each state (N, 14) at time t_s touches next; nan where it does not."""
+    """Write to `found` (N, 22) what each state (N, 14) at time t_s touches next; nan where it does not.
+
+    Args:
+        states: (N, 14).
+        t_s: their common time.
+        hit_x_m: x of the hitting plane.
+        lift: acceleration per spin and velocity across it.
+        found: (N, 22) output.
+    """
     s, after, there = np.empty(STATE), np.empty(STATE), np.empty(STATE)
     found[:] = np.nan
     for row in range(len(states)):
@@ -159,7 +182,15 @@ def touches(states: Array, t_s: float, hit_x_m: float, lift: float, found: Array
 
 @njit
 def places(states: Array, t_s: float, times_s: Array, lift: float, ps_m: Array) -> None:
-    """Write to `ps_m` (N, K, 3) where each state (N, 14) at t_s is at ascending times (K,); earlier ones are at t_s."""
+    """Write to `ps_m` (N, K, 3) where each state (N, 14) at t_s is at ascending times (K,); earlier ones are at t_s.
+
+    Args:
+        states: (N, 14).
+        t_s: their common time.
+        times_s: (K,) ascending.
+        lift: acceleration per spin and velocity across it.
+        ps_m: (N, K, 3) output.
+    """
     s = np.empty(STATE)
     for row in range(len(states)):
         s[:] = states[row]

@@ -75,7 +75,14 @@ def _slope(x: Array, lift: float, out: Array) -> None:
 
 @njit
 def move(x: Array, cov: Array, seconds: float, process_noise: ProcessNoise) -> None:
-    """Let the estimate fly freely, in place: there is no table here."""
+    """Let the estimate fly freely, in place: there is no table here.
+
+    Args:
+        x: (14,) estimate, changed in place.
+        cov: (14, 14) its covariance, changed in place.
+        seconds: how long.
+        process_noise: what the model leaves out, and the lift.
+    """
     A, F, old = np.empty((3, MOVES)), np.empty((6, STATE)), np.empty((6, STATE))
     left = seconds
     while left > 1e-12:
@@ -160,6 +167,15 @@ def observe(
 
     Its squared normalised distance, and the logarithm of its likelihood but for a constant. To `tally` (2, 3) is added
     what it says of the scales of the variances: weighted samples of them, and the weights.
+
+    Args:
+        x: (14,) estimate, changed in place.
+        cov: (14, 14) its covariance, changed in place.
+        p_m: (3,) observed position, world.
+        noise_m2: (3, 3) its covariance.
+        scales: (3,) factors of that covariance along x, y, z.
+        gate: squared normalised distance beyond which the position is not taken.
+        tally: (2, 3) sums, added to.
     """
     speed = math.sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5]) + 1e-9
     PH = np.empty((STATE, 3))
@@ -231,6 +247,15 @@ def foresee(x: Array, cov: Array, t_s: float, hit_x_m: float, lift: float, rows:
     """(22,) what the estimate touches next. The neighbours go to `rows`, to `spread` (22, 22) the covariance of that.
 
     Where a neighbour does not touch it (it misses the table's edge, say), the difference to the other one counts.
+
+    Args:
+        x: (14,) estimate.
+        cov: (14, 14) its covariance.
+        t_s: its time.
+        hit_x_m: x of the hitting plane.
+        lift: acceleration per spin and velocity across it.
+        rows: (27, 14) output: the estimate, and two neighbours of it along each unknown.
+        spread: (22, 22) output: covariance of what is touched.
     """
     _neighbours(x, cov, rows)
     found = np.empty((len(rows), TOUCHES))

@@ -78,6 +78,16 @@ def observe_pixel(
 
     The pixel of a late camera is compared with the path flown back, which the estimate's position and velocity give.
     A ball that the camera cannot see changes nothing; its distance is infinite.
+
+    Args:
+        x: (14,) estimate, changed in place.
+        cov: (14, 14) its covariance, changed in place.
+        uv: (2,) pixel.
+        noise_px2: (2, 2) its covariance.
+        camera: where the camera is, and its lens.
+        late_s: how long ago the pixel was, s.
+        lift: acceleration per spin and velocity across it.
+        gate: squared normalised distance beyond which the pixel is not taken.
     """
     then = x.copy()
     if late_s > 0.0:

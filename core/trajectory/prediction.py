@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.table import BALL_RADIUS_M, GRAVITY_MPS2
-from core.trajectory.arc import Arcs, fit_arcs
 from core.trajectory.config import PaperPredictorConfig
-from core.trajectory.continuation import Continuation, continue_flights
+from core.trajectory.continuation import Arcs, Continuation, continue_flights, fit_arcs
 
 Array = NDArray[np.float64]
 Stage = Literal["pre", "post"]
@@ -132,7 +131,15 @@ class Predictor(Protocol):
 def predict_flight(
     t_s: Array, ps_m: Array, newest_us: int, stage: Stage, config: PaperPredictorConfig
 ) -> Prediction | None:
-    """Prediction from observations (K,) and (K, 3); None if they are not enough."""
+    """Prediction from observations (K,) and (K, 3); None if they are not enough.
+
+    Args:
+        t_s: (K,) times of the positions.
+        ps_m: (K, 3) positions, world.
+        newest_us: time of the newest, for the prediction.
+        stage: which side of the bounce they are on.
+        config: table, hitting plane and noise.
+    """
     fit = fit_arcs(t_s[None], ps_m[None])
     if not np.isfinite(fit.vs_mps).all():
         return None

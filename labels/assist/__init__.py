@@ -1,16 +1,14 @@
 """Assistance: pure functions that turn events, detections and labels into better or faster labels."""
 
-from labels.assist.between import labels_between
+from labels.assist.between import label_from_snap, labels_between, labels_from_curve
 from labels.assist.blind import is_blind_sample, next_blind
-from labels.assist.both_views import check_labels
 from labels.assist.curve import interpolate
-from labels.assist.drafts import label_from_snap, labels_from_curve
 from labels.assist.flight import curve_of_flight, fit_flight
 from labels.assist.propose import Proposals, accept, propose, steady_segment
 from labels.assist.review import review_queue
 from labels.assist.snap import Snap, snap
 from labels.assist.snap_kernel import load_snap
-from labels.assist.stereo import ball_in_space, check_stereo, epipolar_curve, reproject
+from labels.assist.stereo import ball_in_space, check_labels, check_stereo, epipolar_curve, reproject
 from labels.assist.whole_flight import WholeFlight, whole_flight
 
 __all__ = [

@@ -24,7 +24,7 @@ def next_blind(
 ) -> int | None:
     """The next time to ask for again: the oldest label of the sample that `second`, the blind layer, does not have.
 
-    `recent_us` are the times that the annotator worked on last; the latest `LEAST_BETWEEN` of them are not asked yet.
+    `recent_us` are the times that the annotator worked on last; the latest `MIN_BETWEEN` of them are not asked yet.
     Labels that say there is no ball are asked for too: states have noise as well.
     """
     skip = set(recent_us[-MIN_BETWEEN:])

@@ -60,6 +60,12 @@ def interpolate(
 
     Nothing is interpolated beyond the first and last keyframe of a segment. Segments end at `breaks_us` (bounces and
     hits that a person marked), at breaks found in the keyframes, at gaps, and at labels of hidden or absent balls.
+
+    Args:
+        keys: the labels.
+        t_us: (N,) times that are asked for.
+        breaks_us: times at which segments end.
+        config: gaps, and how many labels a segment needs.
     """
     config = config or CurveConfig()
     times = np.atleast_1d(np.asarray(t_us, np.int64))

@@ -69,7 +69,14 @@ def find_label_shift(
     answer_t_us: NDArray[np.int64],
     answer_uvs_px: NDArray[np.float64],
 ) -> LabelShift:
-    """The shift of labels (N,), (N, 2), times ascending, against a detector's answers (M,), (M, 2)."""
+    """The shift of labels (N,), (N, 2), times ascending, against a detector's answers (M,), (M, 2).
+
+    Args:
+        label_t_us: (N,) times of the labels, ascending.
+        label_uvs_px: (N, 2) their centres.
+        answer_t_us: (M,) times of the answers.
+        answer_uvs_px: (M, 2) their centres; nan: no answer.
+    """
     path = _Path(label_t_us, label_uvs_px)
     known = np.isfinite(answer_uvs_px).all(axis=1)
     times, uvs = answer_t_us[known].astype(np.float64), answer_uvs_px[known]

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from core.config import check_settings, setting
 from labels.arrays import STATES, LabelArrays
-from labels.assist.propose import Proposals
-from labels.assist.residual import residual_of_neighbours, residual_of_one_side
+from labels.assist.propose import Proposals, residual_of_neighbours, residual_of_one_side
 from labels.model import LabelState
 
 Array = NDArray[np.float64]

@@ -90,6 +90,15 @@ def snap(
 
     `events` should reach from `reach_us` before to `reach_us` after the instant; more does no harm. Radius and velocity
     are guesses: a velocity, such as the one found a moment before, makes it several times faster.
+
+    Args:
+        events: around the instant.
+        t_us: the instant.
+        x_px: guess of the centre's column.
+        y_px: guess of its row.
+        r_px: guess of the radius.
+        v_px_per_ms: guess of the velocity.
+        config: reach, radii and the sensor's delay.
     """
     config = config or SnapConfig()
     late_us = t_us + config.delay_us

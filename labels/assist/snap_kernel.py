@@ -43,6 +43,13 @@ def edge_points(
 
     Per pixel the first leading and the last trailing one. A pixel's first event must be its first: one that had another
     shortly before the window is left out; so behind it.
+
+    Args:
+        cloud: events with times (ms) and places (px) relative to the click.
+        values: (5,) the circle: centre, velocity (px, px/ms) and radius.
+        on_leads: whether ON events are at the front.
+        half_ms: half the length of time that is looked at.
+        band_px: how far from the circle an event may be.
     """
     t_ms, x, y, on, pixel, first, last = cloud
     cx, cy, vx, vy, r = values
@@ -88,6 +95,16 @@ def fit_circle(
 
     `rows` (N,) of the events it goes through; `values` (5,) x, y, their velocities and the radius, from `start` on,
     `normal` (5, 5) and `weight` (N,) of the last round are filled. nan where the points do not say which circle.
+
+    Args:
+        t_ms: (M,) times of all events relative to the instant.
+        x: (M,) their columns.
+        y: (M,) their rows.
+        rows: (N,) the events that the circle goes through.
+        start: (5,) first guess.
+        values: (5,) output: centre, velocity (px, px/ms), radius.
+        normal: (5, 5) output: normal matrix of the last round.
+        weight: (N,) output: weights of the last round.
     """
     values[:] = start
     gradient, step, row = np.empty(UNKNOWNS), np.empty(UNKNOWNS), np.empty(UNKNOWNS)

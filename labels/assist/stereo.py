@@ -1,5 +1,5 @@
-"""Two cameras or more on one ball: the epipolar curve of a click, how well labels of one instant agree, and where the
-ball is in a camera that the others know it from.
+"""Two cameras or more on one ball: the epipolar curve of a click, how well labels agree, which need not be of the same
+instants, and where the ball is in a camera that the others know it from.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from core.cameras import Camera, StereoRig, TriangulationConfig, ball_circles
 from core.cameras.many_views_kernel import project_with_slopes
+from labels.arrays import LabelArrays
+from labels.assist.curve import interpolate
 
 Array = NDArray[np.float64]
 Covariance = tuple[float, float, float]
@@ -45,6 +47,12 @@ def epipolar_curve(here: Camera, uv_px: ArrayLike, there: Camera, *, points: int
 
     Points in front of both cameras within the sensor and a little around it; bent as the lens distorts. Empty if the
     ray cannot be seen.
+
+    Args:
+        here: the camera with the pixel.
+        uv_px: (2,) the pixel.
+        there: the camera in which the curve is.
+        points: number of points before those out of view are left out.
     """
     ray = here.unproject(uv_px)
     if not np.isfinite(ray).all():
@@ -59,7 +67,14 @@ def epipolar_curve(here: Camera, uv_px: ArrayLike, there: Camera, *, points: int
 
 
 def check_stereo(first: Camera, uvs_first: ArrayLike, second: Camera, uvs_second: ArrayLike) -> StereoCheck:
-    """Triangulate pairs of positions (N, 2) and compare them with the projections of the points found."""
+    """Triangulate pairs of positions (N, 2) and compare them with the projections of the points found.
+
+    Args:
+        first: one camera.
+        uvs_first: (N, 2) positions in it; nan: not seen.
+        second: the other camera.
+        uvs_second: (N, 2) positions of the same instants in that.
+    """
     uvs = np.stack([np.atleast_2d(np.asarray(uv, np.float64)) for uv in (uvs_first, uvs_second)], axis=1)
     points = StereoRig({"first": first, "second": second}).triangulate(uvs)
     p = points.ps_world_m
@@ -151,3 +166,23 @@ def _matrix(covariance_px2: Covariance | None) -> Array:
     """(2, 2) covariance of a position and of the calibration."""
     xx, xy, yy = covariance_px2 or (SIGMA_PX**2, 0.0, SIGMA_PX**2)
     return np.array([[xx, xy], [xy, yy]]) + CALIBRATION_PX**2 * np.eye(2)
+
+
+def check_labels(here: Camera, labels: LabelArrays, there: Camera, others: LabelArrays) -> StereoCheck:
+    """How well each label agrees with the other camera's label of its instant, or with the curve through them.
+
+    nan where either camera sees no ball, and where the other camera's labels do not reach.
+    """
+    uv_here = np.column_stack([labels.x_px, labels.y_px])
+    uv_here[~labels.seen] = np.nan
+    return check_stereo(here, uv_here, there, labelled_positions_at(others, labels.t_us))
+
+
+def labelled_positions_at(labels: LabelArrays, t_us: NDArray[np.int64]) -> NDArray[np.float64]:
+    """(N, 2) where labels say the ball is at other times: a label itself where there is one, else the curve."""
+    curve = interpolate(labels, t_us)
+    places = np.column_stack([curve.x_px, curve.y_px])
+    seen = labels.rows(labels.seen)
+    _, own, at = np.intersect1d(seen.t_us, t_us, return_indices=True)
+    places[at] = np.column_stack([seen.x_px, seen.y_px])[own]
+    return places

@@ -126,10 +126,10 @@ def open_to_write(path: Path, recording_uuid: str) -> sqlite3.Connection:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise _not_writable(path, error.strerror) from error
-    with telling(path, "cannot write labels here"):
+    with sqlite_errors(path, "cannot write labels here"):
         db = _connect(path, "rwc")
     try:
-        with telling(path, "cannot write labels here"):
+        with sqlite_errors(path, "cannot write labels here"):
             _log_ahead(db)
             db.execute("PRAGMA synchronous = FULL")
             db.execute("PRAGMA foreign_keys = ON")
@@ -153,7 +153,7 @@ def open_to_read(path: Path, *, untouched: bool = False) -> sqlite3.Connection:
     """
     refuse_network_drive(path)
     log = path.with_name(f"{path.name}-wal")
-    with telling(path, "cannot read the labels"):
+    with sqlite_errors(path, "cannot read the labels"):
         if untouched and path.is_file() and not log.exists():
             return _checked(_connect(path, "ro&immutable=1"), path)
         try:
@@ -197,7 +197,7 @@ def transaction(db: sqlite3.Connection) -> Iterator[None]:
 
 
 @contextmanager
-def telling(path: Path, what: str, remedy: str = "") -> Iterator[None]:
+def sqlite_errors(path: Path, what: str, remedy: str = "") -> Iterator[None]:
     """Inside, an error of SQLite becomes one line.
 
     Raises:

@@ -10,11 +10,10 @@ from typing import Final
 
 from core.errors import LabelError
 from core.files import POSIX, beside, lock_descriptor, sync
-from labels.database.connection import telling, transaction
+from labels.database.connection import sqlite_errors, transaction
 from labels.database.edit_log import SessionHistory, Writer, add_edit, make_layer, step_back
 from labels.database.folder import Layer, journals_in
-from labels.journal import FORMAT, SCHEMA, JournalLines, read_journal
-from labels.records import Json, label_from_json
+from labels.journal import FORMAT, SCHEMA, JournalLines, Json, label_from_json, read_journal
 
 BACKUP: Final = ".backup"
 
@@ -48,7 +47,7 @@ def migrate(db: sqlite3.Connection, folder: Path, recording_uuid: str) -> tuple[
 
 def _take_over(db: sqlite3.Connection, layer: Layer, path: Path) -> list[str]:
     notes: list[str] = []
-    with telling(path, "cannot take over the labels of an earlier version"), transaction(db):
+    with sqlite_errors(path, "cannot take over the labels of an earlier version"), transaction(db):
         if not path.is_file():
             return []  # taken over while this program waited
         name = f"journal {path.parent.name}/{path.name} {hashlib.sha256(path.read_bytes()).hexdigest()}"

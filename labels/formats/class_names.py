@@ -10,8 +10,8 @@ import yaml
 
 from core.errors import LabelError
 from core.yaml_loader import UntaggedLoader
+from labels.formats.documents import parse_json
 from labels.formats.exchange import CLASS_NAME, Collector, ImportContext, read_text
-from labels.formats.json_lines import parse_json
 
 LISTS: Final = ("classes.txt", "obj.names", "predefined_classes.txt", "_darknet.labels", "labels.txt", "names.txt")
 """A name a line: LabelImg and Label Studio, CVAT and darknet, Roboflow."""
@@ -74,11 +74,11 @@ def find_ball_class(folder: Path, context: ImportContext, collector: Collector) 
         what = f"no class {wanted or CLASS_NAME!r} among {known}"
         collector.reject(file, 1, LabelError(what, remedy="give --ball-class NAME|N"))
         return None
-    for file in _lists_above(folder, next(iter(numbers)).parent):  # a tool may have left its own list beside the texts
+    for file in _lists_above(folder, next(iter(numbers)).parent):  # HumanSignal/labelImg#721
         above = [number for number, name in _content_of(file, Collector()).names.items() if context.is_ball(name)]
         if len(above) == 1:
             numbers[file] = above[0]
-    if len(set(numbers.values())) > 1:
+    if len(set(numbers.values())) > 1:  # classes.txt and notes.json of one export: HumanSignal/label-studio#6416
         numbered = ", ".join(f"{number} in {file.parent.name}/{file.name}" for file, number in numbers.items())
         error = LabelError("lists of class names disagree", got=numbered, remedy="give --ball-class N")
         collector.reject(folder, 1, error)

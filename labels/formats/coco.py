@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from core.errors import LabelError
 from labels.formats.boxes import Box, box_of, losses_of_box
+from labels.formats.documents import JsonObject, parse_json
 from labels.formats.exchange import (
     CLASS_NAME,
     HALF_PIXEL,
@@ -23,19 +24,14 @@ from labels.formats.exchange import (
     ImportContext,
     Imported,
     LabelSet,
-    PictureScaling,
-    PictureTimes,
-    SamePictures,
+    camera_stem,
     count_losses,
-    files_at,
     finite,
     picture_name,
-    read_text,
-    stated_size,
     whole_number,
     write_text,
 )
-from labels.formats.json_lines import JsonError, JsonObject, parse_json
+from labels.formats.labelled_pictures import DrawnShape, Picture, Place, read_pictures
 from labels.model import Label, LabelState
 
 OCCLUDED, VISIBLE = 1, 2
@@ -64,11 +60,7 @@ def write_coco(labels: LabelSet, folder: Path, options: ExportOptions) -> Export
         "categories": [{"id": 1, "name": CLASS_NAME, "supercategory": "", "keypoints": ["centre"], "skeleton": []}],
     }
     text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    return Exported((write_text(folder / f"{_stem(labels)}.json", text),), count_losses(losses))
-
-
-def _stem(labels: LabelSet) -> str:
-    return picture_name(labels.camera, 0).rsplit("_t", 1)[0]
+    return Exported((write_text(folder / f"{camera_stem(labels.camera)}.json", text),), count_losses(losses))
 
 
 def _annotation(number: int, image_id: int, label: Label, box: Box) -> dict[str, object]:
@@ -91,46 +83,45 @@ def _annotation(number: int, image_id: int, label: Label, box: Box) -> dict[str,
 
 def read_coco(path: Path, context: ImportContext) -> Imported:
     """Every JSON file of a folder, or one."""
-    collector = Collector()
-    documents: list[_Document] = []
-    for file in files_at(path, ".json", collector):
-        text = read_text(file, collector)
-        if text is None:
-            continue
-        try:
-            document = parse_json(text)
-        except JsonError as error:
-            collector.reject(file, error.line, error)
-            continue
-        lists = [document.get(name) if isinstance(document, dict) else None for name in ("images", "annotations")]
-        if not isinstance(document, dict) or not all(isinstance(items, list) for items in lists):
-            collector.reject(file, 1, "not a COCO file; expected lists of images and annotations")
-            continue
-        documents.append(_document_of(document, file, context, collector))
-    listed = SamePictures()
-    for document in documents:
-        listed.add(document.file, (str(image.get("file_name", "")) for image in document.images.values()))
-    documents = [document for document in documents if listed.accept(document.file, collector)]
-    images = [image for document in documents for image in document.images.values()]
-    times = context.pictures(str(image.get("file_name", "")) for image in images)
-    scaling = context.scaling(map(_size_of, images), collector)
-    for document in documents:
-        _read_document(document, times, scaling, context, collector)
-    return collector.done()
+    return read_pictures(path, ".json", context, _pictures_in)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Document:
-    """One file; ids may be numbers or text, and `1`, `1.0` and `"1"` are the same."""
+def _pictures_in(text: str, file: Path, context: ImportContext, collector: Collector) -> list[Picture]:
+    """The pictures of one file; ids may be numbers or text: `1`, `1.0` and `"1"` are the same (cvat-ai/cvat#298)."""
+    document = parse_json(text)
+    lists = [document.get(name) if isinstance(document, dict) else None for name in ("images", "annotations")]
+    if not isinstance(document, dict) or not all(isinstance(items, list) for items in lists):
+        collector.reject(file, 1, "not a COCO file; expected lists of images and annotations")
+        return []
+    balls = _ball_categories(document, file, context, collector)
+    images = _images_by_id(document, file, collector)
+    shapes: dict[str, list[DrawnShape]] = {image_id: [] for image_id in images}
+    lost = 0
+    for entry in _objects(document["annotations"], "annotation", file, collector):
+        with collector.entry(file, entry.line):
+            lost += 1  # until it is known whose it is
+            image_id = _id_of(entry, "image_id")
+            lost -= 1
+            if image_id not in images:
+                raise LabelError("an annotation of an image that is not listed", got=image_id)
+            shapes[image_id].append(
+                DrawnShape(entry.line, partial(_label_of_ball, entry, images[image_id], balls, context))
+            )
+    return [
+        Picture(
+            file=file,
+            line=image.line,
+            names=(str(image.get("file_name", "")),),
+            size=(image.get("width"), image.get("height")),
+            whole=partial(_whole, image, bool(shapes[image_id]), lost, context),
+            shapes=shapes[image_id],
+        )
+        for image_id, image in images.items()
+    ]
 
-    file: Path
-    images: dict[str, JsonObject]
-    balls: frozenset[str]
+
+def _ball_categories(document: dict, file: Path, context: ImportContext, collector: Collector) -> frozenset[str]:
     """Ids of the categories that are the ball."""
-    annotations: list[JsonObject]
-
-
-def _document_of(document: dict, file: Path, context: ImportContext, collector: Collector) -> _Document:
     categories: dict[str, object] = {}
     for entry in _objects(document.get("categories", []), "category", file, collector):
         with collector.entry(file, entry.line):
@@ -143,17 +134,21 @@ def _document_of(document: dict, file: Path, context: ImportContext, collector: 
         known = [str(name) for name in categories.values()][:20]
         what = f"no category {wanted or CLASS_NAME!r} among {known}"
         collector.reject(file, 1, LabelError(what, remedy="give --ball-class NAME|N"))
+    return frozenset(balls)
+
+
+def _images_by_id(document: dict, file: Path, collector: Collector) -> dict[str, JsonObject]:
     images: dict[str, JsonObject] = {}
     twice: set[str] = set()
     for image in _objects(document["images"], "image", file, collector):
         with collector.entry(file, image.line):
             image_id = _id_of(image, "id")
-            if image_id in images or image_id in twice:
+            if image_id in images or image_id in twice:  # one name in two folders: cvat-ai/cvat#4185
                 twice.add(image_id)
                 images.pop(image_id, None)
                 raise LabelError("an image id that is used twice: none of the two is taken", got=image_id)
             images[image_id] = image
-    return _Document(file, images, frozenset(balls), _objects(document["annotations"], "annotation", file, collector))
+    return images
 
 
 def _id_of(entry: JsonObject, key: str) -> str:
@@ -165,49 +160,16 @@ def _id_of(entry: JsonObject, key: str) -> str:
     return str(value).strip()
 
 
-def _size_of(image: JsonObject) -> tuple[float, float] | None:
-    """The stated size; None also if it is none, which is said when the picture is read."""
-    try:
-        return stated_size(image.get("width"), image.get("height"))
-    except LabelError:
+def _whole(image: JsonObject, annotated: bool, lost: int, context: ImportContext, place: Place) -> Label | None:
+    """The label of a picture without annotations; `lost` annotations of its file belong to no picture."""
+    if annotated:
         return None
-
-
-def _read_document(
-    document: _Document,
-    times: PictureTimes,
-    scaling: PictureScaling,
-    context: ImportContext,
-    collector: Collector,
-) -> None:
-    file, images = document.file, document.images
-    used: set[str] = set()
-    lost = 0
-    for entry in document.annotations:
-        with collector.entry(file, entry.line):
-            lost += 1  # until it is known whose it is
-            image_id = _id_of(entry, "image_id")
-            lost -= 1
-            if image_id not in images:
-                raise LabelError("an annotation of an image that is not listed", got=image_id)
-            used.add(image_id)
-            category = _id_of(entry, "category_id")
-            if category not in document.balls:
-                raise LabelError(f"category {category} is not {context.ball_class or CLASS_NAME!r}")
-            image = images[image_id]
-            factors = scaling.of(stated_size(image.get("width"), image.get("height")))
-            collector.add(_label_of(entry, _time_of(image, times), factors, context), file, entry.line)
-    for image_id, image in images.items():
-        if image_id not in used:
-            with collector.entry(file, image.line):
-                if lost:
-                    what = "a picture without annotation, in a file with annotations that belong to no picture"
-                    raise LabelError(what, got=f"{lost} of them")
-                scaling.of(stated_size(image.get("width"), image.get("height")))
-                t_us = _time_of(image, times)
-                own = image.get("state")
-                label = context.unannotated(t_us) if own is None else context.make(t_us, LabelState(str(own)))
-                collector.add(label, file, image.line)
+    if lost:
+        what = "a picture without annotation, in a file with annotations that belong to no picture"
+        raise LabelError(what, got=f"{lost} of them")
+    place.check_size()
+    t_us, own = _time_of(image, place), image.get("state")
+    return context.unannotated(t_us) if own is None else context.make(t_us, LabelState(str(own)))
 
 
 def _objects(items: object, kind: str, file: Path, collector: Collector) -> list[JsonObject]:
@@ -220,9 +182,23 @@ def _objects(items: object, kind: str, file: Path, collector: Collector) -> list
     return found
 
 
-def _time_of(image: JsonObject, times: PictureTimes) -> int:
+def _time_of(image: JsonObject, place: Place) -> int:
     t_us = image.get("t_us")
-    return t_us if isinstance(t_us, int) and not isinstance(t_us, bool) else times.time_of(str(image["file_name"]))
+    if isinstance(t_us, int) and not isinstance(t_us, bool):
+        return t_us
+    if "file_name" not in image:
+        raise LabelError("missing 'file_name'")
+    return place.t_us
+
+
+def _label_of_ball(
+    entry: JsonObject, image: JsonObject, balls: frozenset[str], context: ImportContext, place: Place
+) -> Label:
+    category = _id_of(entry, "category_id")
+    if category not in balls:
+        raise LabelError(f"category {category} is not {context.ball_class or CLASS_NAME!r}")
+    factors = place.factors
+    return _label_of(entry, _time_of(image, place), factors, context)
 
 
 def _label_of(entry: JsonObject, t_us: int, factors: tuple[float, float], context: ImportContext) -> Label:
@@ -280,6 +256,8 @@ def _keypoint_of(entry: JsonObject) -> tuple[float, float, LabelState] | None:
 
 def _compare_area(entry: JsonObject, area: float) -> None:
     """Compare a stated area with the box: where corners stand instead of sides, it is much smaller.
+
+    Corners are what weecology/DeepForest#1215 was about.
 
     Raises:
         LabelError: if it is no area of a ball in this box.

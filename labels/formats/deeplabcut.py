@@ -12,13 +12,14 @@ from pathlib import Path
 from typing import Final
 
 from core.errors import LabelError
-from labels.formats.exchange import CLASS_NAME, HALF_PIXEL, Collector, ImportContext, finite, whole_number
-from labels.model import LabelState
+from core.foreign_tables import NO_NUMBER
+from labels.formats.exchange import CLASS_NAME, HALF_PIXEL, Collector, ImportContext, add_rows, finite, whole_number
+from labels.formats.picture_times import PictureTimes
+from labels.model import Label, LabelState
 
 _LEVELS: Final = ("scorer", "individuals", "bodyparts", "coords")
 LEAST_LIKELIHOOD: Final = 0.6
 """DeepLabCut's own `pcutoff`: what is less likely it does not draw."""
-_NO_PLACE: Final = frozenset({"", "nan"})
 Rows = list[tuple[int, list[str]]]
 
 
@@ -40,29 +41,34 @@ def read_deeplabcut(
     except LabelError as error:
         collector.reject(file, 1, error)
         return
-    pictures = {line: "/".join(field.strip() for field in fields[:names]) for line, fields in body}
-    numbered = names == 1 and all(name.isdecimal() for name in pictures.values())
-    times = None if numbered else context.pictures(pictures.values())
+    pictures = [_name_of(fields, names) for _, fields in body]
+    numbered = names == 1 and all(name.isdecimal() for name in pictures)
+    times = None if numbered else PictureTimes.of(pictures, context)
     across, down = context.stated_factors
     unlikely = 0
-    for line, fields in body:
-        with collector.entry(file, line):
-            if len(fields) != len(header):
-                raise LabelError("wrong number of fields", expected=len(header), got=len(fields))
-            if {fields[x].strip().lower(), fields[y].strip().lower()} & _NO_PLACE:
-                continue
-            if likelihood is not None and finite(fields[likelihood], "the likelihood") < LEAST_LIKELIHOOD:
-                unlikely += 1
-                continue
-            place = [(finite(fields[column], "a coordinate") + HALF_PIXEL) for column in (x, y)]
-            name = pictures[line]
-            t_us = context.time_of_frame(whole_number(name, "the frame")) if times is None else times.time_of(name)
-            label = context.ball(
-                t_us, LabelState.VISIBLE, place[0] * across - HALF_PIXEL, place[1] * down - HALF_PIXEL, None
-            )
-            collector.add(label, file, line)
+
+    def label_of(fields: list[str]) -> Label | None:
+        nonlocal unlikely
+        if {fields[x].strip().lower(), fields[y].strip().lower()} & NO_NUMBER:
+            return None
+        if likelihood is not None and finite(fields[likelihood], "the likelihood") < LEAST_LIKELIHOOD:
+            unlikely += 1
+            return None
+        place = [(finite(fields[column], "a coordinate") + HALF_PIXEL) for column in (x, y)]
+        name = _name_of(fields, names)
+        t_us = context.time_of_frame(whole_number(name, "the frame")) if times is None else times.time_of(name)
+        return context.ball(
+            t_us, LabelState.VISIBLE, place[0] * across - HALF_PIXEL, place[1] * down - HALF_PIXEL, None
+        )
+
+    add_rows(body, len(header), file, collector, label_of)
     if unlikely:
         collector.note(f"{file.name}: {unlikely:,} positions of a likelihood below {LEAST_LIKELIHOOD} were left out")
+
+
+def _name_of(fields: list[str], columns: int) -> str:
+    """The name of a row's picture, which stands in one column or by its folders in several."""
+    return "/".join(field.strip() for field in fields[:columns])
 
 
 def _columns(levels: dict[str, list[str]], count: int, context: ImportContext) -> tuple[int, int, int | None, int]:

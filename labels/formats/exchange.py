@@ -6,7 +6,7 @@ import csv
 import io
 import re
 import unicodedata
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,14 +19,12 @@ from numpy.typing import NDArray
 from core.errors import LabelError, PluginError, RallyscopeError
 from core.events import SensorSize
 from core.files import replace_file
+from core.foreign_tables import separator_of, with_point
 from core.registry import Registry
 from core.text import compression_of, decode_text, encoding_of
-from labels.formats.picture_names import PictureNumbers, other_camera_in, own_time, stem_of
 from labels.model import Label, LabelState, PositionSource, Provenance
 
 CLASS_NAME = "ball"
-SAME_SHAPE = 0.02
-"""Pictures whose ratio of sides differs by no more are of one shape."""
 HALF_PIXEL = 0.5
 """From our pixel-centre convention to formats in which 0 is the outer edge of the first pixel."""
 SMALLEST_PX = 0.5
@@ -35,9 +33,6 @@ NO_TIME = -(2**63)
 """In a table of times, of a number that it does not list."""
 MAX_FILE_BYTES = 1 << 30
 _VALUES = re.compile(r"'[^']*'|\"[^\"]*\"|[-+]?\d+(\.\d+)?")
-
-
-_COMMA: Final = re.compile(r"^\s*([-+]?\d+),(\d+)\s*$")
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,18 +144,6 @@ class ImportContext:
         width, height = self.picture_size or (self.sensor.width_px, self.sensor.height_px)
         return self.sensor.width_px / width, self.sensor.height_px / height
 
-    def pictures(self, names: Iterable[str]) -> PictureTimes:
-        """The times of pictures, from all their names together."""
-        return PictureTimes(self, PictureNumbers(names))
-
-    def time_of(self, picture: str) -> int:
-        """The time of a picture from its name alone.
-
-        Raises:
-            LabelError: if the name does not tell.
-        """
-        return self.pictures([picture]).time_of(picture)
-
     def time_of_frame(self, number: int) -> int:
         """The time of the picture with this number, from 0.
 
@@ -198,10 +181,10 @@ class ImportContext:
             if not (-HALF_PIXEL <= x_px <= width - HALF_PIXEL and -HALF_PIXEL <= y_px <= height - HALF_PIXEL):
                 got = f"({x_px:.1f}, {y_px:.1f})"
                 raise LabelError("the centre is outside the picture", expected=f"within {self.sensor}", got=got)
-            if r_px is not None and r_px < SMALLEST_PX:
+            if r_px is not None and r_px < SMALLEST_PX:  # shares in COCO: cocodataset/cocoapi#474
                 got, remedy = f"radius {r_px:.3g} px", "are these shares of the picture, where pixels belong?"
                 raise LabelError("the ball is smaller than a pixel", got=got, remedy=remedy)
-            if r_px is not None and 2 * r_px > min(width, height) / 2:
+            if r_px is not None and 2 * r_px > min(width, height) / 2:  # chuanenlin/drone-net#1
                 got, remedy = f"radius {r_px:.1f} px", "are these corners of a box, where its centre and sides belong?"
                 raise LabelError("the ball is larger than half of the picture", got=got, remedy=remedy)
         return self.make(t_us, state, x_px, y_px, r_px)
@@ -217,165 +200,9 @@ class ImportContext:
             raise LabelError(what, remedy="--empty-pictures no-ball if somebody has")
         return self.make(t_us, self.empty_pictures)
 
-    def scaling(self, sizes: Iterable[tuple[float, float] | None], collector: Collector) -> PictureScaling:
-        """How pictures of the stated sizes (width, height; None: not stated) become the sensor's."""
-        stated = {size for size in sizes if size is not None}
-        width, height = self.sensor.width_px, self.sensor.height_px
-        other = [size for size in stated if size != (width, height)]
-        if not other or len(stated) > 1 or not self.scale_pictures or (height, width) in other:
-            return PictureScaling(self.sensor, None)
-        ((across, down),) = stated
-        collector.note(f"all pictures are {across:g}x{down:g}: scaled to the sensor's {self.sensor}")
-        if abs(across * height / (down * width) - 1) > SAME_SHAPE:
-            collector.note("their shape is another than the sensor's: they are taken for stretched, not for padded")
-        return PictureScaling(self.sensor, (across, down))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PictureTimes:
-    """The times of the pictures of one import."""
-
-    context: ImportContext
-    numbers: PictureNumbers
-
-    def time_of(self, picture: str, index: int | None = None) -> int:
-        """By our own time in the name, by the table of names, by the tool's own index, or by a number in the name.
-
-        Raises:
-            LabelError: if nothing tells, or the tool's index and the name contradict each other.
-        """
-        stem = stem_of(picture)
-        self.numbers.refuse_copies(picture)
-        other = other_camera_in(picture, self.context.camera, self.context.other_cameras)
-        if other is not None:
-            expected = f"one of {self.context.camera!r}"
-            raise LabelError(f"a picture of camera {other!r}", expected=expected, got=repr(picture[:200]))
-        ours = own_time(stem)
-        if ours is not None:
-            return ours
-        by_name = self.context.times_by_name
-        if by_name is not None:
-            if stem not in by_name:
-                raise LabelError("a picture that is not in --frame-times", got=repr(picture[:200]))
-            return by_name[stem]
-        try:
-            number = self.numbers.number_of(picture)
-        except LabelError:
-            if index is None:
-                raise
-            return self.context.time_of_frame(index)
-        times = self.context.frame_times_us
-        if times is not None and index is None:
-            check_numbers(self.numbers.known, times)
-        if index is not None and index != number:
-            raise LabelError(
-                "the tool's index of a picture is not the number in its name",
-                expected=index,
-                got=repr(picture[:200]),
-                remedy="--frame-times with the columns name,t_us tells",
-            )
-        return self.context.time_of_frame(number)
-
-
-@dataclass(frozen=True, slots=True)
-class PictureScaling:
-    """From the pictures that were labelled to the sensor."""
-
-    sensor: SensorSize
-    scaled_from: tuple[float, float] | None
-    """The size that all pictures have, if they are scaled."""
-
-    def of(self, size: tuple[float, float] | None) -> tuple[float, float]:
-        """The factors (x, y) of a picture of this size.
-
-        Raises:
-            LabelError: if it has another size than the sensor and is not scaled.
-        """
-        if size is None and self.scaled_from is not None:
-            raise LabelError("a picture without a size, among others that are scaled")
-        if size is None or size == (self.sensor.width_px, self.sensor.height_px):
-            return 1.0, 1.0
-        if size != self.scaled_from:
-            raise LabelError(
-                "the picture has another size than the sensor",
-                expected=str(self.sensor),
-                got=f"{size[0]:g}x{size[1]:g}",
-                remedy="is it this camera's? --scale-pictures scales labels if all pictures have one size",
-            )
-        return self.sensor.width_px / size[0], self.sensor.height_px / size[1]
-
-
-def check_numbers(numbers: Sequence[int], times_us: NDArray[np.int64]) -> None:
-    """Hold the numbers of pictures against those of a table of times, which may count from another number.
-
-    Raises:
-        LabelError: if pictures 1 to N meet N times from 0, pictures from 0 a table from 1, or numbers with gaps as many
-            times as pictures: each picture would have the time of another. `numbers` ascend.
-    """
-    if not numbers:
-        return
-    listed = np.flatnonzero(times_us != NO_TIME)
-    first, last = (int(listed[0]), int(listed[-1])) if len(listed) else (0, -1)
-    what = ""
-    if len(listed) > 1 and first == 0 and numbers[0] >= 1 and numbers[-1] == last + 1:
-        what = "pictures seem to be numbered from 1, and times are counted from 0"
-    elif first == 1 and numbers[0] == 0:
-        what = "pictures are numbered from 0, and times are counted from 1"
-    elif len(listed) == last + 1 == len(numbers) > 1 and numbers[-1] > last and numbers[-1] - numbers[0] > last:
-        what = "as many times as pictures, whose numbers have gaps: the table seems to list them in their order"
-    if what:
-        raise LabelError(
-            what,
-            expected=f"{first} to {last}",
-            got=f"{numbers[0]} to {numbers[-1]}",
-            remedy="--frame-times with the columns frame,t_us or name,t_us tells",
-        )
-
-
-class SamePictures:
-    """Finds files of one import that list the same pictures: of two clips, or of two persons."""
-
-    def __init__(self) -> None:
-        self._first: dict[str, Path] = {}
-        self._clashes: dict[Path, tuple[Path, str]] = {}
-
-    def add(self, file: Path, pictures: Iterable[str]) -> None:
-        """Remember the pictures of a file."""
-        for picture in pictures:
-            other = self._first.setdefault(picture, file)
-            if other != file and picture:
-                self._clashes.setdefault(file, (other, picture))
-                self._clashes.setdefault(other, (file, picture))
-
-    def accept(self, file: Path, collector: Collector) -> bool:
-        """Whether a file is the only one with its pictures; otherwise it is rejected."""
-        if file not in self._clashes:
-            return True
-        other, picture = self._clashes[file]
-        what = "the same pictures are in several files: of two clips or two persons?"
-        got = f"{picture[:100]!r} in {other.name} too"
-        collector.reject(file, 1, LabelError(what, got=got, remedy="import one of the files"))
-        return False
-
 
 def _folded(name: str) -> str:
     return unicodedata.normalize("NFC", name.strip()).casefold()
-
-
-def stated_size(width: object, height: object) -> tuple[float, float] | None:
-    """A picture's size as a file states it; None where it states none, or 0 as LabelImg does of unknown pictures.
-
-    Raises:
-        LabelError: if it is no size.
-    """
-    if width in (None, "") or height in (None, ""):
-        return None
-    size = finite(width, "a picture's width"), finite(height, "a picture's height")
-    if size == (0.0, 0.0):
-        return None
-    if not min(size) > 0:
-        raise LabelError("an impossible picture size", got=f"{size[0]:g}x{size[1]:g}")
-    return size
 
 
 Writer = Callable[[LabelSet, Path, ExportOptions], Exported]
@@ -434,6 +261,14 @@ def rejection_of(file: Path, line: int, reason: object) -> Rejection:
     return Rejection(file, line, text, _VALUES.sub("...", kind)[:120])
 
 
+class DocumentError(LabelError):
+    """Text that is not JSON, or not XML, from a line on."""
+
+    def __init__(self, what: str, line: int) -> None:
+        super().__init__(what)
+        self.line = line
+
+
 class Collector:
     """Gathers labels while files are read: every entry ends as a label or as a rejection with its place."""
 
@@ -459,6 +294,8 @@ class Collector:
         """Inside, an impossible value rejects this entry and reading goes on."""
         try:
             yield
+        except DocumentError as error:
+            self.reject(file, error.line, error)
         except (LabelError, ValueError, KeyError, TypeError, IndexError, OverflowError) as error:
             text = LabelError(f"missing {error}") if isinstance(error, KeyError) else error
             self.reject(file, line, text)
@@ -480,9 +317,14 @@ class Collector:
         return Imported(labels, tuple(rejections), self.files, tuple(self._notes), places)
 
 
+def camera_stem(camera: str) -> str:
+    """Name of a camera's file or folder, whatever the camera is called."""
+    return quote(camera, safe="").replace(".", "%2E")
+
+
 def picture_name(camera: str, t_us: int) -> str:
     """Name of the picture of a time, without its suffix: it holds the identity, so no list has to."""
-    return f"{quote(camera, safe='').replace('.', '%2E')}_t{t_us:012d}us"
+    return f"{camera_stem(camera)}_t{t_us:012d}us"
 
 
 def finite(text: object, what: str) -> float:
@@ -540,7 +382,7 @@ def table_rows(text: str, file: Path, collector: Collector) -> Iterator[tuple[in
     """Rows of a CSV text that are not empty, with their line numbers; what follows one that is none is rejected."""
     # Every kind of line end becomes one that the reader knows.
     lines = io.StringIO(text.replace("\0", "\ufffd"), newline=None)
-    delimiter = delimiter_of(text)
+    delimiter = separator_of(text)
     reader = csv.reader(lines, delimiter=delimiter)
     try:
         width = 0
@@ -548,18 +390,28 @@ def table_rows(text: str, file: Path, collector: Collector) -> Iterator[tuple[in
             if fields:
                 width = width or len(fields)
                 while len(fields) > width and not fields[-1].strip():
-                    fields.pop()  # a comma at the end of each line but that of the names
+                    fields.pop()  # a comma at the end of each line but that of the names (natcap/invest#146)
                 # Where fields end with a semicolon, numbers may have a comma.
-                whole = fields if delimiter == "," else [_COMMA.sub(r"\1.\2", field) for field in fields]
+                whole = fields if delimiter == "," else [with_point(field) for field in fields]
                 yield reader.line_num, whole
     except csv.Error as error:
         collector.reject(file, reader.line_num + 1, f"not CSV from here on: {error}")
 
 
-def delimiter_of(text: str) -> str:
-    """What separates the columns of a table: a comma, unless its first line has none, but semicolons or tabs."""
-    first = text.lstrip("\r\n").split("\n", 1)[0]
-    return "," if "," in first else next((sign for sign in ";\t" if sign in first), ",")
+def add_rows(
+    rows: Iterable[tuple[int, list[str]]],
+    width: int,
+    file: Path,
+    collector: Collector,
+    label_of: Callable[[list[str]], Label | None],
+) -> None:
+    """Add the label of each row of `width` fields, if it gives one; a row that is odd is rejected with its line."""
+    for line, fields in rows:
+        with collector.entry(file, line):
+            if len(fields) != width:
+                raise LabelError("wrong number of fields", expected=width, got=len(fields))
+            if (label := label_of(fields)) is not None:
+                collector.add(label, file, line)
 
 
 def files_at(path: Path, suffix: str, collector: Collector) -> list[Path]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -16,6 +16,7 @@ import numpy as np
 
 from core.errors import LabelError
 from labels.formats.boxes import Box, box_of, circle_of_polygon, losses_of_box
+from labels.formats.documents import JsonObject, parse_json
 from labels.formats.exchange import (
     CLASS_NAME,
     HALF_PIXEL,
@@ -25,18 +26,13 @@ from labels.formats.exchange import (
     ImportContext,
     Imported,
     LabelSet,
-    PictureScaling,
-    PictureTimes,
-    SamePictures,
+    camera_stem,
     count_losses,
-    files_at,
     finite,
     picture_name,
-    read_text,
-    stated_size,
     write_text,
 )
-from labels.formats.json_lines import JsonError, JsonObject, parse_json
+from labels.formats.labelled_pictures import DrawnShape, Picture, Place, read_pictures, stated_size
 from labels.model import Label, LabelState
 
 PICTURE_KEYS: Final = ("image", "img", "picture", "frame", "photo")
@@ -61,8 +57,7 @@ def write_label_studio(labels: LabelSet, folder: Path, options: ExportOptions) -
         data = {"image": f"{name}.png", OWN: own}
         tasks.append({"id": number, "data": data, "annotations": [annotation], "predictions": []})
     text = json.dumps(tasks, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    stem = picture_name(labels.camera, 0).rsplit("_t", 1)[0]
-    return Exported((write_text(folder / f"{stem}.json", text),), count_losses(losses))
+    return Exported((write_text(folder / f"{camera_stem(labels.camera)}.json", text),), count_losses(losses))
 
 
 def _region(name: str, box: Box, labels: LabelSet) -> dict[str, object]:
@@ -79,66 +74,48 @@ def _region(name: str, box: Box, labels: LabelSet) -> dict[str, object]:
     return {**shape, "original_width": width, "original_height": height, "value": value}
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Task:
-    """One picture, and what was annotated in it."""
-
-    file: Path
-    line: int
-    picture: str
-    own: object
-    """What our own export says of it."""
-    regions: list[JsonObject] | None
-    """None: nobody submitted an annotation."""
-
-
 def read_label_studio(path: Path, context: ImportContext) -> Imported:
     """Every JSON file of a folder, or one."""
-    collector = Collector()
-    tasks: list[_Task] = []
-    same = SamePictures()
-    for file in files_at(path, ".json", collector):
-        found = _tasks_in(file, collector)
-        same.add(file, (task.picture for task in found))
-        tasks += found
-    tasks = [task for task in tasks if task.file in {f for f in {t.file for t in tasks} if same.accept(f, collector)}]
-    times = context.pictures(task.picture for task in tasks)
-    sizes = (_size_of(region) for task in tasks for region in task.regions or ())
-    scaling = context.scaling(sizes, collector)
-    for task in tasks:
-        _read_task(task, times, scaling, context, collector)
-    return collector.done()
+    return read_pictures(path, ".json", context, _pictures_in)
 
 
-def _tasks_in(file: Path, collector: Collector) -> list[_Task]:
-    text = read_text(file, collector)
-    if text is None:
-        return []
-    try:
-        content = parse_json(text)
-    except JsonError as error:
-        collector.reject(file, error.line, error)
-        return []
-    items = content if isinstance(content, list) else [content]
-    found: list[_Task] = []
-    for number, item in enumerate(items):
+def _pictures_in(text: str, file: Path, context: ImportContext, collector: Collector) -> list[Picture]:
+    content = parse_json(text)
+    found: list[Picture] = []
+    for number, item in enumerate(content if isinstance(content, list) else [content]):
         if not isinstance(item, JsonObject):
             collector.reject(file, 1, f"task {number} is not an object")
             continue
         with collector.entry(file, item.line):
-            found.append(_task_of(item, file, collector))
+            found.append(_picture_of(item, file, context, collector))
     return found
 
 
-def _task_of(item: JsonObject, file: Path, collector: Collector) -> _Task:
+def _picture_of(item: JsonObject, file: Path, context: ImportContext, collector: Collector) -> Picture:
     data = item.get("data")
-    fields = data if isinstance(data, dict) else item
-    picture = _picture_in(fields)
-    if not isinstance(data, dict):  # JSON-MIN: regions by the name of the control
+    picture = _picture_in(data if isinstance(data, dict) else item)
+    regions = _regions_of(item, picture, collector)
+    own = data.get(OWN) if isinstance(data, dict) else None
+    return Picture(
+        file=file,
+        line=item.line,
+        names=(picture,),
+        sizes=[_stated_size(region) for region in regions or ()],
+        whole=partial(_whole, own, regions, context),
+        shapes=[DrawnShape(region.line, partial(_label_in_picture, region, context)) for region in regions or ()],
+    )
+
+
+def _regions_of(item: JsonObject, picture: str, collector: Collector) -> list[JsonObject] | None:
+    """The regions of a task; None: nobody submitted an annotation.
+
+    Raises:
+        LabelError: if it is no task, or whose annotation counts cannot be told.
+    """
+    if not isinstance(item.get("data"), dict):  # JSON-MIN: regions by the name of the control
         lists = [value for value in item.values() if isinstance(value, list) and all(map(_is_region, value))]
         regions = [region for value in lists for region in value]
-        known = bool(regions) or "annotation_id" in item
-        return _Task(file, item.line, picture, None, regions if known else None)
+        return regions if regions or "annotation_id" in item else None
     annotations = item.get("annotations", item.get("completions"))
     if not isinstance(annotations, list):
         raise LabelError("not a task of Label Studio", expected="a list of annotations")
@@ -150,7 +127,7 @@ def _task_of(item: JsonObject, file: Path, collector: Collector) -> _Task:
     regions = submitted[0].get("result") if submitted else None
     if submitted and not (isinstance(regions, list) and all(isinstance(one, JsonObject) for one in regions)):
         raise LabelError("an annotation without a list of results")
-    return _Task(file, item.line, picture, data.get(OWN), regions if isinstance(regions, list) else None)
+    return regions if isinstance(regions, list) else None
 
 
 def _is_region(value: object) -> bool:
@@ -168,32 +145,25 @@ def _picture_in(fields: dict[str, object]) -> str:
     return text.split("?d=", 1)[1] if "?d=" in text else text.split("?", 1)[0]
 
 
-def _size_of(region: JsonObject) -> tuple[float, float] | None:
-    try:
-        return stated_size(region.get("original_width"), region.get("original_height"))
-    except LabelError:
+def _stated_size(region: JsonObject) -> tuple[object, object]:
+    return region.get("original_width"), region.get("original_height")
+
+
+def _whole(own: object, regions: list[JsonObject] | None, context: ImportContext, place: Place) -> Label | None:
+    """What our own export says of a task whose regions are unchanged, and the label of one without regions."""
+    if isinstance(own, dict) and regions is not None:
+        label = _own_label(own, place.t_us, context)
+        if _is_unchanged(label, regions, context):
+            return label
+    if regions:
         return None
+    submitted = regions is not None and context.empty_pictures is None
+    return context.make(place.t_us, LabelState.NO_BALL) if submitted else context.unannotated(place.t_us)
 
 
-def _read_task(
-    task: _Task, times: PictureTimes, scaling: PictureScaling, context: ImportContext, collector: Collector
-) -> None:
-    with collector.entry(task.file, task.line):
-        if isinstance(task.own, dict) and task.regions is not None:
-            label = _own_label(task.own, times.time_of(task.picture), context)
-            if _is_unchanged(label, task.regions, context):
-                collector.add(label, task.file, task.line)
-                return
-        if not task.regions:
-            t_us = times.time_of(task.picture)
-            submitted = task.regions is not None and context.empty_pictures is None
-            label = context.make(t_us, LabelState.NO_BALL) if submitted else context.unannotated(t_us)
-            collector.add(label, task.file, task.line)
-        for region in task.regions or ():
-            with collector.entry(task.file, region.line):
-                scaling.of(stated_size(region.get("original_width"), region.get("original_height")))
-                label = _label_of(region, times.time_of(task.picture), context)
-                collector.add(label, task.file, region.line)
+def _label_in_picture(region: JsonObject, context: ImportContext, place: Place) -> Label:
+    place.scaling.of(stated_size(*_stated_size(region)))  # regions are in percent: only a foreign size is refused
+    return _label_of(region, place.t_us, context)
 
 
 def _is_unchanged(label: Label, regions: list[JsonObject], context: ImportContext) -> bool:
@@ -240,7 +210,8 @@ def _label_of(region: JsonObject, t_us: int, context: ImportContext) -> Label:
         w, h = finite(value.get("width"), "width") * width, finite(value.get("height"), "height") * height
         if w == 0 or h == 0:
             raise LabelError("the box is empty", got=(w, h))
-        # A rectangle of a prediction that was changed may be drawn to the left or upwards: its sides are negative.
+        # A rectangle of a prediction that was changed may be drawn to the left or upwards: its sides are negative
+        # (HumanSignal/label-studio#3140).
         turn = math.radians(finite(value.get("rotation", 0), "rotation"))  # round the upper left corner
         x += w / 2 * math.cos(turn) - h / 2 * math.sin(turn)
         y += w / 2 * math.sin(turn) + h / 2 * math.cos(turn)

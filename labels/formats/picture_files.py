@@ -15,7 +15,9 @@ _SUFFIXES: Final = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", 
 _NO_PICTURE: Final = (OSError, ValueError, SyntaxError, Image.DecompressionBombError)
 _ORIENTATION: Final = 0x112
 _LYING: Final = (5, 6, 7, 8)
-"""Orientations of EXIF by which a picture is shown with its sides exchanged: labels are of what is shown."""
+"""Orientations of EXIF by which a picture is shown with its sides exchanged: labels are of what is shown
+(cvat-ai/cvat#1059, HumanSignal/labelImg#376).
+"""
 
 
 def _shown_size(file: Path) -> tuple[int, int]:

@@ -30,48 +30,12 @@ _NUMBERED: Final = re.compile(r"([A-Za-z]*)(\d{1,18})")
 FRAME_WORDS: Final = frozenset({"frame", "frames", "img", "image", "picture", "pic", "f", "fr", "im"})
 OTHER_WORDS: Final = frozenset(
     {
-        "cam",
-        "camera",
-        "c",
-        "view",
-        "stream",
-        "rally",
-        "rallies",
-        "point",
-        "match",
-        "game",
-        "set",
-        "serve",
-        "s",
-        "seq",
-        "sequence",
-        "video",
-        "vid",
-        "clip",
-        "take",
-        "shot",
-        "session",
-        "run",
-        "rec",
-        "recording",
-        "trial",
-        "day",
-        "player",
-        "p",
-        "part",
-        "fold",
-        "split",
-        "aug",
-        "augmented",
-        "copy",
-        "version",
-        "ver",
-        "v",
-        "job",
-        "task",
-        "page",
+        "cam", "camera", "c", "view", "stream", "rally", "rallies", "point", "match", "game", "set", "serve", "s",
+        "seq", "sequence", "video", "vid", "clip", "take", "shot", "session", "run", "rec", "recording", "trial",
+        "day", "player", "p", "part", "fold", "split", "aug", "augmented", "copy", "version", "ver", "v", "job",
+        "task", "page",
     }
-)
+)  # fmt: skip
 """A number joined to one of these, in a name with several numbers, counts something else than pictures."""
 NEVER_PICTURES: Final = frozenset({"cam", "camera", "view", "day", "player", "fold"})
 """A number joined to one of these counts something else also where it is the only one."""
@@ -92,7 +56,7 @@ def stem_of(picture: str) -> str:
 
 def _last_part(picture: str) -> str:
     """The name without folders; one that a tool encoded for an address is decoded, but for ours, whose camera is so."""
-    # macOS stores composed letters as two characters; a list from elsewhere has one.
+    # macOS stores composed letters as two characters, a list from elsewhere has one (llmsresearch/paperbanana#234).
     name = unicodedata.normalize("NFC", picture.strip()).replace("\\", "/").rsplit("/", 1)[-1]
     if "%" in name and _OURS_ANYWHERE.search(name) is None:
         name = unicodedata.normalize("NFC", unquote(name)).replace("\\", "/").rsplit("/", 1)[-1]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from core.errors import LabelError
 from core.events import Events, polarity_image
-from core.events.image import OFF_EVENT, ON_EVENT
+from core.events.events import OFF_EVENT, ON_EVENT
 from core.recordings import CameraStream
 from labels.formats.exchange import picture_name, write_bytes
 from labels.model import Label

@@ -1,28 +1,117 @@
-"""Plain CSV: one row a label with everything it says, pixel centres at whole numbers, times in microseconds."""
+"""Plain CSV: one row a label with everything it says, pixel centres at whole numbers, times in microseconds.
+
+Read is also a 2D track of another tool: a table with a time (or the step to the row before), x and y, perhaps a radius.
+`t_us,x,y` or any usual spelling of the columns; `dt` counts from the row before, the first from 0; a column `frame` has
+its times in `--frame-times`. A time without a unit is in us if all are whole numbers, else in s, and a note says so.
+Rows without a position are passed over: nobody says that there was no ball.
+"""
 
 from __future__ import annotations
 
 import csv
 import io
+import re
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from core.errors import LabelError
+from core.foreign_tables import NO_NUMBER, UNITS_US, split_unit
 from labels.formats.deeplabcut import is_deeplabcut, read_deeplabcut
 from labels.formats.exchange import (
+    HALF_PIXEL,
     Collector,
     Exported,
     ExportOptions,
     ImportContext,
     Imported,
     LabelSet,
+    add_rows,
+    camera_stem,
     files_at,
-    picture_name,
+    finite,
     read_text,
     table_rows,
+    whole_number,
     write_text,
 )
 from labels.formats.flat import COLUMNS, REQUIRED, flat_row, label_of_row
-from labels.formats.track import read_track, track_columns
+from labels.model import Label, LabelState
+
+_TIMES: Final = "t|dt|time|timestamp|ts|delta_?t"
+_FRAMES: Final = ("frame", "frame_id", "frame_number", "frame_index", "frameid")
+_X: Final = ("x", "x_px", "u", "cx", "x_center", "px")
+_Y: Final = ("y", "y_px", "v", "cy", "y_center", "py")
+_RADIUS: Final = ("r", "r_px", "radius", "radius_px")
+
+
+@dataclass(frozen=True, slots=True)
+class TrackColumns:
+    """Where a track has what."""
+
+    count: int
+    time: int
+    unit: str | None
+    steps: bool
+    """Whether times count from the row before."""
+    frames: bool
+    x: int
+    y: int
+    radius: int | None
+
+
+def track_columns(header: list[str]) -> TrackColumns | None:
+    """The columns of a track by its names in small letters; None if it is none."""
+    x, y, radius, frame = (
+        next((header.index(name) for name in names if name in header), None) for names in (_X, _Y, _RADIUS, _FRAMES)
+    )
+    if x is None or y is None:
+        return None
+    found = [(at, times) for at, name in enumerate(header) if (times := split_unit(name, _TIMES, joined=True))]
+    if len(found) == 1:
+        ((place, (stem, unit)),) = found
+        return TrackColumns(len(header), place, unit, stem.startswith("d"), False, x, y, radius)
+    return None if frame is None or found else TrackColumns(len(header), frame, None, False, True, x, y, radius)
+
+
+def read_track(
+    rows: list[tuple[int, list[str]]], columns: TrackColumns, file: Path, context: ImportContext, collector: Collector
+) -> None:
+    """Add a label for each row with a position."""
+    unit = columns.unit or _likely_unit(rows, columns)
+    if columns.unit is None and not columns.frames and rows:
+        collector.note(f"{file.name} does not name the unit of its times: {unit} is assumed")
+    across, down = context.stated_factors
+    now = 0.0
+
+    def label_of(fields: list[str]) -> Label | None:
+        nonlocal now
+        time = finite(fields[columns.time], "the time")
+        if columns.steps and time < 0:
+            raise LabelError("a step back in time", got=time)
+        now = now + time if columns.steps else time
+        places = fields[columns.x].strip(), fields[columns.y].strip()
+        if {place.lower() for place in places} & NO_NUMBER:
+            return None
+        if columns.frames:
+            t_us = context.time_of_frame(whole_number(fields[columns.time], "the frame"))
+        else:
+            t_us = round(now * UNITS_US[unit])
+        x, y = (
+            (finite(place, "a coordinate") + HALF_PIXEL) * factor - HALF_PIXEL
+            for place, factor in zip(places, (across, down), strict=True)
+        )
+        text = "" if columns.radius is None else fields[columns.radius].strip()
+        radius = None if text.lower() in NO_NUMBER else finite(text, "the radius") * (across + down) / 2
+        return context.ball(t_us, LabelState.VISIBLE, x, y, radius)
+
+    add_rows(rows, columns.count, file, collector, label_of)
+
+
+def _likely_unit(rows: list[tuple[int, list[str]]], columns: TrackColumns) -> str:
+    """Microseconds where all times are whole numbers, else seconds."""
+    texts = [fields[columns.time].strip() for _, fields in rows if len(fields) == columns.count]
+    return "us" if all(re.fullmatch(r"[-+]?\d+(\.0*)?", text) for text in texts) else "s"
 
 
 def write_csv(labels: LabelSet, folder: Path, options: ExportOptions) -> Exported:
@@ -32,8 +121,7 @@ def write_csv(labels: LabelSet, folder: Path, options: ExportOptions) -> Exporte
     writer.writeheader()
     for label in labels.labels:
         writer.writerow({name: "" if value is None else value for name, value in flat_row(label).items()})
-    name = picture_name(labels.camera, 0).rsplit("_t", 1)[0]
-    return Exported((write_text(folder / f"{name}.csv", text.getvalue()),), ())
+    return Exported((write_text(folder / f"{camera_stem(labels.camera)}.csv", text.getvalue()),), ())
 
 
 def read_csv(path: Path, context: ImportContext) -> Imported:
@@ -64,9 +152,8 @@ def _read_file(text: str, file: Path, context: ImportContext, collector: Collect
         found = ", ".join(header)[:200]
         collector.reject(file, 1, f"not a label table; expected columns {', '.join(REQUIRED)}, ..., got {found}")
         return
-    for line, fields in rows:
-        with collector.entry(file, line):
-            if len(fields) != len(header):
-                raise LabelError("wrong number of fields", expected=len(header), got=len(fields))
-            row = dict(zip(header, (field.strip() for field in fields), strict=True))
-            collector.add(label_of_row(row, context.origin), file, line)
+
+    def label_of(fields: list[str]) -> Label:
+        return label_of_row(dict(zip(header, (field.strip() for field in fields), strict=True)), context.origin)
+
+    add_rows(rows, len(header), file, collector, label_of)

@@ -25,9 +25,8 @@ from labels.formats.exchange import (
     ExportOptions,
     ImportContext,
     Imported,
-    LabelFormat,
     LabelSet,
-    picture_name,
+    camera_stem,
 )
 from labels.formats.recording_group import read_labels, write_group
 from labels.model import LabelState
@@ -55,7 +54,7 @@ def write_sony(labels: LabelSet, folder: Path, options: ExportOptions) -> Export
         points[row] = label.x_px, label.y_px
         radius[row] = np.nan if label.r_px is None else label.r_px
         seconds[row] = label.t_us / 1e6
-    path = folder / _folder_name(labels.camera) / f"seq_000_rally{LABEL_SUFFIX}"
+    path = folder / camera_stem(labels.camera) / f"seq_000_rally{LABEL_SUFFIX}"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path, durable=True) as partial, h5py.File(partial, "w") as file:
@@ -70,11 +69,6 @@ def write_sony(labels: LabelSet, folder: Path, options: ExportOptions) -> Export
     late = len(seen) - len(shown)
     losses = (f"{late} x later than two hours: no row of its millisecond, only in our own group",) if late else ()
     return Exported((path,), losses)
-
-
-def _folder_name(camera: str) -> str:
-    """The folder of a camera, whatever its name is."""
-    return picture_name(camera, 0).rsplit("_t", 1)[0]
 
 
 def _velocities(points: NDArray[np.float64], seconds: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -101,7 +95,7 @@ def _label_file(path: Path, context: ImportContext, collector: Collector) -> Pat
     if path.is_file():
         return path
     files = sorted({file for depth in ("*", "*/*", "*/*/*") for file in path.glob(depth + LABEL_SUFFIX)})
-    own = _folder_name(context.camera)
+    own = camera_stem(context.camera)
     files = [file for file in files if file.parent.name == own] or files
     if len(files) > 1 and context.camera:
         files = [file for file in files if _is_of_recording(file, context)] or files
@@ -161,6 +155,3 @@ def _start_us(path: Path, context: ImportContext, collector: Collector) -> int |
     except RecordingError as error:
         collector.reject(path, 1, error)
         return None
-
-
-SONY = LabelFormat("sony", "Sony's rallies: HDF5 with a label each millisecond", write_sony, read_sony)

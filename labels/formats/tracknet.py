@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from core.errors import LabelError
+from core.foreign_tables import NO_NUMBER
 from labels.formats.exchange import (
     HALF_PIXEL,
     Collector,
@@ -23,24 +24,24 @@ from labels.formats.exchange import (
     ImportContext,
     Imported,
     LabelSet,
-    SamePictures,
-    check_numbers,
+    add_rows,
+    camera_stem,
     count_losses,
     files_at,
     finite,
-    picture_name,
     read_text,
     table_rows,
     whole_number,
     write_text,
 )
+from labels.formats.labelled_pictures import SamePictures
 from labels.formats.picture_files import PictureFiles
+from labels.formats.picture_times import PictureTimes, check_numbers
 from labels.model import Label, LabelState
 
 HEADER = ["Frame", "Visibility", "X", "Y"]
 IMGLABEL_HEADER = ["Frame", "Ball", "x", "y"]
 TENNIS_START = ["file name", "visibility", "x-coordinate", "y-coordinate"]
-NO_PLACE = frozenset({"", "nan", "none", "null", "na"})
 FRAMES = "frames.csv"
 FRAMES_HEADER = ["frame", "t_us"]
 
@@ -71,8 +72,7 @@ def write_tracknet(labels: LabelSet, folder: Path, options: ExportOptions) -> Ex
             losses.append("a ball at (0, 0), which TrackNet's evaluation takes for none")
         text = [f"{value:.0f}" if options.whole_pixels or not found else f"{value:.3f}" for value in (x, y)]
         rows.append(f"{number},{int(found)},{text[0]},{text[1]}")
-    name = picture_name(labels.camera, 0).rsplit("_t", 1)[0]
-    main = write_text(folder / f"{name}_ball.csv", "\n".join([",".join(HEADER), *rows, ""]))
+    main = write_text(folder / f"{camera_stem(labels.camera)}_ball.csv", "\n".join([",".join(HEADER), *rows, ""]))
     times = [f"{number},{label.t_us}" for number, label in enumerate(labels.labels)]
     frames = write_text(folder / FRAMES, "\n".join([",".join(FRAMES_HEADER), *times, ""]))
     return Exported((main, frames), count_losses(losses))
@@ -156,7 +156,10 @@ def _table_of(text: str, file: Path, collector: Collector) -> _Table | None:
 
 
 def _size_fits(table: _Table, pictures: PictureFiles, context: ImportContext, collector: Collector) -> bool:
-    """Whether the clip's pictures, where they are found, have the size that the table's pixels are taken to be of."""
+    """Whether the clip's pictures, where they are found, have the size that the table's pixels are taken to be of.
+
+    Pixels of pictures of 640x360 were taken for the sensor's: yastrebksv/TrackNet#8, alenzenx/TrackNetV3#16.
+    """
     if table.columns.shares or context.picture_size is not None:
         return True
     size, sensor = pictures.size_of_clip(table.file), context.sensor
@@ -169,27 +172,30 @@ def _size_fits(table: _Table, pictures: PictureFiles, context: ImportContext, co
 
 
 def _read_table(table: _Table, times: dict[int, int] | None, context: ImportContext, collector: Collector) -> None:
-    columns, file = table.columns, table.file
-    pictures = context.pictures(table.pictures if columns.named else ())
+    columns = table.columns
+    pictures = PictureTimes.of(table.pictures if columns.named else (), context)
     numbers = [] if columns.named else sorted(_numbers_in(table.pictures))
-    for line, fields in table.rows:
-        with collector.entry(file, line):
-            if len(fields) != len(table.header):
-                raise LabelError("wrong number of fields", expected=len(table.header), got=len(fields))
-            picture = fields[columns.picture].strip()
-            if times is None and not columns.shares and _is_corner(fields, columns):
-                raise LabelError("a ball in the very corner of the picture: 0, 0 stands for no position")
-            if columns.named:
-                t_us = pictures.time_of(picture)
-            else:
-                if times is None and context.frame_times_us is not None:
-                    check_numbers(numbers, context.frame_times_us)
-                t_us = _time_of(picture, times, context)
-            collector.add(_label_of(fields, columns, t_us, context), file, line)
+
+    def label_of(fields: list[str]) -> Label:
+        picture = fields[columns.picture].strip()
+        if times is None and not columns.shares and _is_corner(fields, columns):
+            raise LabelError("a ball in the very corner of the picture: 0, 0 stands for no position")
+        if columns.named:
+            t_us = pictures.time_of(picture)
+        else:
+            if times is None and context.frame_times_us is not None:
+                check_numbers(numbers, context.frame_times_us)
+            t_us = _time_of(picture, times, context)
+        return _label_of(fields, columns, t_us, context)
+
+    add_rows(table.rows, len(table.header), table.file, collector, label_of)
 
 
 def _is_corner(fields: list[str], columns: _Columns) -> bool:
-    """Whether a ball that is said to be visible has the position 0, 0, which other tools write where there is none."""
+    """Whether a ball that is said to be visible has the position 0, 0, which other tools write where there is none.
+
+    TTNet does so: maudzung/TTNet-Real-time-Analysis-System-for-Table-Tennis-Pytorch#34.
+    """
     numbers = [fields[place].strip() for place in (columns.visibility, columns.x, columns.y)]
     return numbers[0] in ("1", "1.0", "2", "2.0") and all(number in ("0", "0.0") for number in numbers[1:])
 
@@ -203,7 +209,10 @@ def _numbers_in(pictures: list[str]) -> set[int]:
 
 
 def _looks_like_shares(rows: list[tuple[int, list[str]]], columns: _Columns) -> bool:
-    """Whether there are balls with a broken position, and none of them is farther than a pixel from the corner."""
+    """Whether there are balls with a broken position, and none of them is farther than a pixel from the corner.
+
+    Such were in Chang-Chia-Chi/TrackNet-Badminton-Tracking-tensorflow2#8.
+    """
     positions: list[float] = []
     for _, fields in rows:
         try:
@@ -227,12 +236,12 @@ def _label_of(fields: list[str], columns: _Columns, t_us: int, context: ImportCo
     visibility = whole_number(fields[columns.visibility].strip(), "the visibility")
     places = fields[columns.x].strip(), fields[columns.y].strip()
     if visibility == 0:
-        if any(place.lower() not in NO_PLACE and finite(place, "a coordinate") > 0 for place in places):
+        if any(place.lower() not in NO_NUMBER and finite(place, "a coordinate") > 0 for place in places):
             raise LabelError("a position where the visibility says that there is no ball", got=",".join(places))
         return context.make(t_us, LabelState.NO_BALL)
     if visibility not in (1, 2, 3):
         raise LabelError("unknown visibility", expected="0 to 3", got=visibility)
-    if visibility == 3 and set(map(str.lower, places)) <= NO_PLACE:
+    if visibility == 3 and set(map(str.lower, places)) <= NO_NUMBER:
         return context.make(t_us, LabelState.OCCLUDED)
     x, y = finite(places[0], "x"), finite(places[1], "y")
     if columns.shares:

@@ -7,12 +7,13 @@ its edges and our pixel centres: on average the truncation has taken it off alre
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr
 
 from core.errors import LabelError
 from labels.formats.boxes import Box, box_of, losses_of_box
+from labels.formats.documents import XmlNode, parse_xml
 from labels.formats.exchange import (
     CLASS_NAME,
     HALF_PIXEL,
@@ -22,17 +23,12 @@ from labels.formats.exchange import (
     ImportContext,
     Imported,
     LabelSet,
-    PictureScaling,
-    PictureTimes,
     count_losses,
-    files_at,
     finite,
     picture_name,
-    read_text,
-    stated_size,
     write_text,
 )
-from labels.formats.xml_nodes import XmlError, XmlNode, parse_xml
+from labels.formats.labelled_pictures import DrawnShape, Picture, Place, add_pictures, parse_files, stated_size
 from labels.model import Label, LabelState
 
 EXTRA = "ballcentre"
@@ -104,41 +100,21 @@ def _extra(label: Label) -> str:
     return f"<{EXTRA} {known}/>"
 
 
-@dataclass(frozen=True, slots=True)
-class _Annotation:
-    """One file."""
-
-    file: Path
-    root: XmlNode
-    names: tuple[str, ...]
-    """The picture's, as the file says it, and the file's own."""
-    size: tuple[float, float] | None
-
-
 def read_voc(path: Path, context: ImportContext) -> Imported:
-    """Every XML file of a folder, or one."""
+    """Every XML file of a folder, or one: a picture each."""
     collector = Collector()
-    annotations: list[_Annotation] = []
-    for file in files_at(path, ".xml", collector):
-        text = read_text(file, collector)
-        if text is None:
-            continue
-        try:
-            root = parse_xml(text)
-        except XmlError as error:
-            collector.reject(file, error.line, error)
-            continue
-        with collector.entry(file, root.line):
-            annotations.append(_annotation_of(root, file))
-    # Names and sizes of all files are looked at together: a number or a size means something only among the others.
-    by_name = [context.pictures(names) for names in zip(*(one.names for one in annotations), strict=True)]
-    scaling = context.scaling((one.size for one in annotations), collector)
-    for one in annotations:
-        _read_annotation(one, by_name, scaling, context, collector)
+    add_pictures(parse_files(path, ".xml", context, collector, _pictures_in), context, collector)
     return collector.done()
 
 
-def _annotation_of(root: XmlNode, file: Path) -> _Annotation:
+def _pictures_in(text: str, file: Path, context: ImportContext, collector: Collector) -> list[Picture]:
+    root = parse_xml(text)
+    with collector.entry(file, root.line):
+        return [_picture_of(root, file, context)]
+    return []
+
+
+def _picture_of(root: XmlNode, file: Path, context: ImportContext) -> Picture:
     if root.tag != "annotation":
         raise LabelError("not a Pascal VOC file", expected="<annotation>", got=f"<{root.tag}>")
     picture, size = root.child("filename"), root.child("size")
@@ -146,63 +122,42 @@ def _annotation_of(root: XmlNode, file: Path) -> _Annotation:
     name = f"{file.parent.name}/{name}" if "/" not in name else name
     edges = [None if size is None else size.child(tag) for tag in ("width", "height")]
     width, height = (None if edge is None else edge.text.strip() for edge in edges)
-    return _Annotation(file, root, (name, f"{file.parent.name}/{file.name}"), stated_size(width, height))
+    stated_size(width, height)  # a size that is none rejects the file: nothing of it can be trusted
+    shapes = [DrawnShape(item.line, partial(_label_of, item, context)) for item in root.all("object")]
+    extra = root.child(EXTRA)
+    if extra is not None and not shapes:
+        shapes = [DrawnShape(extra.line, lambda place: _label_of_extra(extra, context))]
+
+    def whole(place: Place) -> Label | None:
+        place.check_size()
+        if shapes:
+            return None
+        unsure = _lists_unannotated(root) or context.empty_pictures is not None
+        return context.unannotated(place.t_us) if unsure else context.make(place.t_us, LabelState.NO_BALL)
+
+    return Picture(
+        file=file,
+        line=root.line,
+        names=(name, f"{file.parent.name}/{file.name}"),
+        size=(width, height),
+        whole=whole,
+        shapes=shapes,
+    )
 
 
-def _time_of(one: _Annotation, by_name: list[PictureTimes]) -> int:
-    """By the picture's name, else by the file's.
-
-    Raises:
-        LabelError: if neither tells, or they tell different times.
-    """
-    times: list[int] = []
-    errors: list[LabelError] = []
-    for names, name in zip(by_name, one.names, strict=True):
-        try:
-            times.append(names.time_of(name))
-        except LabelError as error:
-            errors.append(error)
-    if not times:
-        raise errors[0]
-    if len(set(times)) > 1:
-        got = f"{one.names[0]!r} and {one.names[1]!r}"
-        raise LabelError("<filename> and the file's name are of two pictures", got=got, remedy="rename the file")
-    return times[0]
-
-
-def _read_annotation(
-    one: _Annotation,
-    by_name: list[PictureTimes],
-    scaling: PictureScaling,
-    context: ImportContext,
-    collector: Collector,
-) -> None:
-    file, root = one.file, one.root
-    with collector.entry(file, root.line):
-        factors = scaling.of(one.size)
-        objects = list(root.all("object"))
-        extra = root.child(EXTRA)
-        if extra is not None and not objects:
-            collector.add(_label_of_extra(extra, context), file, extra.line)
-        elif not objects:
-            t_us = _time_of(one, by_name)
-            unsure = _lists_unannotated(root) or context.empty_pictures is not None
-            label = context.unannotated(t_us) if unsure else context.make(t_us, LabelState.NO_BALL)
-            collector.add(label, file, root.line)
-        for item in objects:
-            with collector.entry(file, item.line):
-                if not context.is_ball(item.value("name")):
-                    raise LabelError(f"class {item.value('name')!r} is not {context.ball_class or CLASS_NAME!r}")
-                extra = item.child(EXTRA)
-                if extra is None or factors != (1.0, 1.0):
-                    label = _label_of_box(item, _time_of(one, by_name), factors, context)
-                else:
-                    label = _label_of_extra(extra, context)
-                collector.add(label, file, item.line)
+def _label_of(item: XmlNode, context: ImportContext, place: Place) -> Label:
+    if not context.is_ball(item.value("name")):
+        raise LabelError(f"class {item.value('name')!r} is not {context.ball_class or CLASS_NAME!r}")
+    extra, factors = item.child(EXTRA), place.factors
+    if extra is None or factors != (1.0, 1.0):
+        return _label_of_box(item, place.t_us, factors, context)
+    return _label_of_extra(extra, context)
 
 
 def _lists_unannotated(root: XmlNode) -> bool:
-    """Whether the tool writes files of pictures that nobody looked at: CVAT does, and says more of its source."""
+    """Whether the tool writes files of pictures that nobody looked at: CVAT does (cvat-ai/cvat#7643), and says more of
+    its source than others.
+    """
     source = root.child("source")
     return source is not None and (source.child("annotation") is not None or source.child("image") is not None)
 

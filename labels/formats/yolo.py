@@ -9,7 +9,7 @@ counted from its corner. What number means a ball is read from the list of names
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,14 +20,12 @@ from labels.formats.class_names import BallClass, find_ball_class
 from labels.formats.exchange import (
     CLASS_NAME,
     HALF_PIXEL,
-    SAME_SHAPE,
     Collector,
     Exported,
     ExportOptions,
     ImportContext,
     Imported,
     LabelSet,
-    PictureTimes,
     count_losses,
     finite,
     picture_name,
@@ -35,6 +33,7 @@ from labels.formats.exchange import (
     whole_number,
     write_text,
 )
+from labels.formats.labelled_pictures import SAME_SHAPE, DrawnShape, Picture, Place, add_pictures
 from labels.formats.picture_files import PictureFiles
 from labels.model import Label, LabelState
 
@@ -45,7 +44,7 @@ NO_LABELS = re.compile(
 )
 """Texts that stand beside those of the pictures, and hidden files."""
 OUTSIDE = 0.5
-"""Share of the picture by which the corner of a polygon may lie beside it."""
+"""Share of the picture by which the corner of a polygon may lie beside it (ultralytics/yolov5#10632)."""
 CVAT_FOLDER = re.compile(r"obj_\w+_data")
 PARTLY_VISIBLE, WHOLLY_VISIBLE = 1, 2
 """Visibility of a keypoint: occluded, visible."""
@@ -103,8 +102,6 @@ def read_yolo(path: Path, context: ImportContext) -> Imported:
     """Every text file of a folder, of boxes or of poses; without any there, those of the folders below."""
     collector = Collector()
     files = _texts_at(path, collector)
-    names = {file: str(file.relative_to(path)) if file != path else file.name for file in files}
-    times = context.pictures(names.values())
     balls: dict[Path, BallClass | None] = {}
     texts: dict[Path, str] = {}
     for file in files:
@@ -116,21 +113,52 @@ def read_yolo(path: Path, context: ImportContext) -> Imported:
     for folder, ball in balls.items():
         if ball is not None and not _classes_fit(folder, ball, texts, collector):
             balls[folder] = None
-    pictures = PictureFiles()
-    for file, text in texts.items():
-        ball = balls[file.parent]
-        if ball is not None:
-            try:
-                _check_shape(pictures.size_beside(file), context)
-            except LabelError as error:
-                collector.reject(file, 1, error)
-                continue
-            _read_file(text, _Picture(file, names[file]), ball, times, context, collector)
+    beside = PictureFiles()
+    pictures: list[Picture] = []
+    for file in files:
+        name = str(file.relative_to(path)) if file != path else file.name
+        ball, text = balls[file.parent], texts.get(file)
+        if ball is None or text is None:  # its name still tells what the numbers of the others mean
+            pictures.append(Picture(file=file, line=1, names=(name,)))
+        else:
+            pictures.append(_picture_of(text, file, name, ball, beside, context))
+    add_pictures(pictures, context, collector)
     return collector.done()
+
+
+def _picture_of(
+    text: str, file: Path, name: str, ball: BallClass, beside: PictureFiles, context: ImportContext
+) -> Picture:
+    lines = [(number, line.split()) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
+
+    def whole(place: Place) -> Label | None:
+        _check_shape(beside.size_beside(file), context)
+        if lines:
+            return None
+        # CVAT writes an empty text also where nobody looked or a shape has no place in YOLO, in folders of such a name
+        # (cvat-ai/cvat#7643, #8322).
+        unsure = CVAT_FOLDER.fullmatch(file.parent.name) is not None or context.empty_pictures is not None
+        return context.unannotated(place.t_us) if unsure else context.make(place.t_us, LabelState.NO_BALL)
+
+    shapes = [DrawnShape(number, partial(_label_of_line, fields, ball, context)) for number, fields in lines]
+    return Picture(file=file, line=1, names=(name,), whole=whole, shapes=shapes)
+
+
+def _label_of_line(fields: list[str], ball: BallClass, context: ImportContext, place: Place) -> Label:
+    _refuse_rows_of_mot(fields)
+    if whole_number(fields[0], "the class") != ball.number:
+        raise LabelError(f"class {fields[0]} is not {context.ball_class or CLASS_NAME!r}")
+    numbers = [finite(field, f"field {place}") for place, field in enumerate(fields[1:], start=2)]
+    if not all(-OUTSIDE <= number <= 1.0 + OUTSIDE for number in numbers[:4]):
+        remedy = "are these pixels, where shares belong?" if max(numbers) > 2 else ""
+        raise LabelError("outside the picture", expected="shares, 0 to 1", got=numbers[:4], remedy=remedy)
+    return _label_of(numbers, ball, place.t_us, context)
 
 
 def _check_shape(size: tuple[int, int] | None, context: ImportContext) -> None:
     """Hold the picture that lies beside a text against the sensor: shares of a padded picture are none of the sensor.
+
+    Labels of padded pictures were 79 px off: ultralytics/yolov5#4952.
 
     Raises:
         LabelError: if it has another shape, and nobody says that it is stretched.
@@ -148,7 +176,7 @@ def _check_shape(size: tuple[int, int] | None, context: ImportContext) -> None:
 
 
 def _classes_fit(folder: Path, ball: BallClass, texts: dict[Path, str], collector: Collector) -> bool:
-    """Whether the classes in the texts of a folder do not count from 1 while the list counts from 0."""
+    """Whether the classes in the texts of a folder do not count from 1 while the list counts from 0 (obss/sahi#524)."""
     numbers = set()
     for file, text in texts.items():
         if file.parent == folder:
@@ -161,20 +189,6 @@ def _classes_fit(folder: Path, ball: BallClass, texts: dict[Path, str], collecto
     error = LabelError(what, expected=expected, got=got, remedy="which is the ball? --ball-class N")
     collector.reject(folder, 1, error)
     return False
-
-
-@dataclass(frozen=True, slots=True)
-class _Picture:
-    """A text and what its picture is called."""
-
-    file: Path
-    name: str
-    """With the folders below that of the import."""
-
-    @property
-    def lists_unannotated(self) -> bool:
-        """Whether the tool writes an empty text also where nobody looked: CVAT does, in folders of such a name."""
-        return bool(CVAT_FOLDER.fullmatch(self.file.parent.name))
 
 
 def _texts_at(path: Path, collector: Collector) -> list[Path]:
@@ -190,30 +204,6 @@ def _texts_at(path: Path, collector: Collector) -> list[Path]:
     if not any((path / name).is_file() for name in (CLASSES, "data.yaml")):
         collector.reject(path, 1, "no .txt files here")
     return []
-
-
-def _read_file(
-    text: str, picture: _Picture, ball: BallClass, times: PictureTimes, context: ImportContext, collector: Collector
-) -> None:
-    file = picture.file
-    lines = [(number, line.split()) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
-    if not lines:
-        with collector.entry(file, 1):
-            t_us = times.time_of(picture.name)
-            unsure = picture.lists_unannotated or context.empty_pictures is not None
-            label = context.unannotated(t_us) if unsure else context.make(t_us, LabelState.NO_BALL)
-            collector.add(label, file, 1)
-    for number, fields in lines:
-        with collector.entry(file, number):
-            _refuse_rows_of_mot(fields)
-            if whole_number(fields[0], "the class") != ball.number:
-                raise LabelError(f"class {fields[0]} is not {context.ball_class or CLASS_NAME!r}")
-            numbers = [finite(field, f"field {place}") for place, field in enumerate(fields[1:], start=2)]
-            if not all(-OUTSIDE <= number <= 1.0 + OUTSIDE for number in numbers[:4]):
-                remedy = "are these pixels, where shares belong?" if max(numbers) > 2 else ""
-                raise LabelError("outside the picture", expected="shares, 0 to 1", got=numbers[:4], remedy=remedy)
-            label = _label_of(numbers, ball, times.time_of(picture.name), context)
-            collector.add(label, file, number)
 
 
 def _refuse_rows_of_mot(fields: list[str]) -> None:
@@ -236,8 +226,8 @@ def _label_of(numbers: list[float], ball: BallClass, t_us: int, context: ImportC
     if keypoint and count in (4 + keypoint, 5 + keypoint):
         box, point = numbers[:4], numbers[4 : 4 + keypoint]
     elif not keypoint and (count in (4, 5) or (count == 6 and numbers[5] != 0 and numbers[5].is_integer())):
-        # A confidence and the number of a track may follow: from 1, or -1 without a track. A triangle at the lower edge
-        # that is read so has a box of half the picture, which is refused.
+        # A confidence and the number of a track may follow: from 1, or -1 without a track (ultralytics/ultralytics
+        # #1357, #1358). A triangle at the lower edge that is read so has a box of half the picture, which is refused.
         box, point = numbers[:4], []
     elif count >= 6 and not keypoint and (count % 2 == 0 or count >= 9):  # odd: a confidence follows
         return _label_of_polygon(numbers[: count - count % 2], t_us, context)

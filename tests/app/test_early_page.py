@@ -14,7 +14,9 @@ from viser._icons import svg_from_icon
 from app.server import App
 from app.session import Session
 from app.shared.library import Library
+from app.shared.live_rally import LIVE
 from app.shared.workspace import Workspace
+from app.startup.startup import Preparation, Step
 from app.state.commands import SetMode, StepTime
 from app.web import open_gateway
 from benchmarks.app.bare_browser import BareBrowser
@@ -58,6 +60,27 @@ def test_a_picture_does_not_wait_until_viser_has_rested(served: tuple[App, BareB
         seen = browser.pictures
         session.send(StepTime(step))
         browser.wait_picture(PATIENCE_S, after=seen)
+
+
+def test_a_recorded_rally_is_shown_while_the_app_is_prepared(tmp_path: Path) -> None:
+    preparation = Preparation({"simulation": Step("Compiling the simulation")})
+    preparation.begin("simulation")
+    workspace = Workspace(tmp_path / "data")
+    app = App(workspace, Library(workspace), LIVE, host="127.0.0.1", port=0, preparation=preparation)
+    browser = BareBrowser(app.port)
+    try:
+        (session,) = eventually(lambda: app.sessions, "the browser")
+
+        def ball() -> tuple[float, ...]:
+            shown = session.world._drawn.ball
+            return () if shown is None else tuple(shown)
+
+        seen = eventually(ball, "a ball of the recorded rally")
+        eventually(lambda: ball() not in ((), seen), "it to fly")
+        assert session.state is None
+    finally:
+        browser.close()
+        app.stop()
 
 
 def test_icons_are_visers_and_its_archive_is_read_through_once(monkeypatch: pytest.MonkeyPatch) -> None:

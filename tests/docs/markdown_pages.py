@@ -15,6 +15,8 @@ IMAGE = re.compile(r"!\[[^\]]*\]\(([^()\s]+)\)")
 HTML_TARGET = re.compile(r"<(?:a|img|source|video)\b[^>]*?\b(?:href|src)=\"([^\"]+)\"")
 HEADING = re.compile(r"^#{1,6} +(.+?) *#* *$", re.MULTILINE)
 SCRIPT = re.compile(r"^(?:\.venv/bin/|\.venv\\Scripts\\)?rallyscope\s+(?!=)(.*)$")
+BENCH = re.compile(r"^((?:bench|train-detector)\s+[\w-].*)$")
+"""A bench as prose names it, without the program before it."""
 
 
 @dataclass(frozen=True)
@@ -84,8 +86,16 @@ def commands_of(text: str) -> Iterator[Shown]:
         yield from _shown(" ".join(code.split()), whole=False)
 
 
+def commands_of_code(text: str) -> Iterator[Shown]:
+    """Every command between backticks of Python code, where 1 stands for what is put in."""
+    joined = re.sub(r'"\s*\n\s*f?"', "", text)  # one string in several pieces
+    for code in re.findall(r"(?<!`)`([^`\"]+)`(?!`)", joined):
+        yield from _shown(re.sub(r"\{[^{}]*\}", "1", " ".join(code.split())), whole=False)
+
+
 def _shown(line: str, *, whole: bool) -> Iterator[Shown]:
-    found = SCRIPT.match(line.strip().removeprefix("$ "))
+    line = line.strip().removeprefix("$ ")
+    found = SCRIPT.match(line) or (None if whole else BENCH.match(line))
     if found is None:
         return
     shell = re.split(r"\s(?:#|&&|\||>)\s|\s{4,}", found.group(1) + " ")[0]

@@ -5,8 +5,8 @@ import math
 import pytest
 
 from core.errors import LabelError
+from labels.journal import label_from_json
 from labels.model import Label, LabelState, Provenance
-from labels.records import label_from_json
 
 RECORD = {"t_us": 3, "state": "no_ball", "source": "by_hand", "by": "anna", "at_us": 5, "tool": "t 1"}
 """As version 1 wrote it."""

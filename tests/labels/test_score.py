@@ -8,10 +8,11 @@ import pytest
 
 from core.detection import Detection
 from core.events import Events, SensorSize, Window
+from core.metrics.at_times import LEAD_IN_WINDOWS, answers_at
 from labels.agreement import measure_agreement
 from labels.arrays import LabelArrays, label_arrays
 from labels.model import Label, LabelState, PositionSource, Provenance
-from labels.score import LEAD_IN_WINDOWS, answers_at, motion_of, pooled, score_groups, score_labels
+from labels.score import motion_of, pooled, score_groups, score_labels
 
 SENSOR = SensorSize(1280, 720)
 STREAM = SimpleNamespace(slice=lambda start, end: Events.empty(SENSOR), sensor=SENSOR)

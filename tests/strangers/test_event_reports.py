@@ -19,7 +19,7 @@ import pytest
 
 from core.errors import RallyscopeError
 from core.events import SensorSize
-from core.recordings import import_recording, open_recording
+from core.recordings import ImportOrder, import_recording, open_recording
 from core.recordings.importing import ImportSummary
 from core.recordings.sources.source import Stated
 from tests.strangers import event_files as make
@@ -37,6 +37,7 @@ HEAD4 = b"% evt 4.0\n% geometry 640x480\n% end\n"
 DAT1 = b"% Data file containing CD events.\n% Version 1\n% Date 2014-06-30 12:00:00\n"
 DAT2 = b"% Data file containing CD events.\n% Version 2\n% Width 640\n% Height 480\n"
 DAT2_TURNED = b"% Data file containing CD events.\n% Version 2\n% Width 480\n% Height 640\n"
+pytestmark = pytest.mark.usefixtures("data_set_readers")
 EPOCH_US = 1_600_000_000_000_000
 UNSTATED = Stated()
 UPSIDE = np.where(VGA.p, 1, -1)
@@ -54,7 +55,7 @@ IMU = struct.pack("<hhiiiiii", 3, 1, 36, 4, 0, 1, 1, 1) + bytes(36)
 
 def import_file(paths, out, **options) -> ImportSummary:
     """What an import says that nobody cancels."""
-    summary = import_recording(paths, out, **options)
+    summary = import_recording(ImportOrder(paths, **options), out)
     assert summary is not None
     return summary
 

@@ -1,38 +1,23 @@
 """Public reports of people with label files of other tools, each with a small input made here, through the command.
 
-`was` says what an import did before, where it was wrong: mostly it stored something else, with exit code 0.
+`before` says what an import did when the report was first tried: mostly it stored something else, with exit code 0.
 """
 
 from __future__ import annotations
 
 import json
 import unicodedata
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from tests.labels.formats.import_command import SENSOR, Row, import_files
+from tests.labels.formats.import_command import SENSOR, Report, Row, import_files
 
 BALL = "0.5 0.25 0.015625 0.0277778"
 AT: Row = (10_000, "visible", 639.5, 179.5)
 CVAT, STUDIO = "https://github.com/cvat-ai/cvat", "https://github.com/HumanSignal/label-studio"
-
-
-@dataclass(frozen=True)
-class Report:
-    """A report, its input, and what has to come of it."""
-
-    link: str
-    was: str
-    kind: str
-    files: Mapping[str, str | bytes]
-    rows: list[Row] = field(default_factory=list)
-    says: str = ""
-    flags: tuple[str, ...] = ()
 
 
 def coco(annotations: list[dict], images: list[dict], categories: list[dict]) -> str:
@@ -351,7 +336,7 @@ def test_what_was_reported_is_read_right_or_refused(report: Report, tmp_path: Pa
 
 def test_each_report_is_named_with_what_was_wrong() -> None:
     assert len({report.link for report in REPORTS}) >= 20
-    assert all(report.link.startswith("https://github.com/") and report.was[-1] in ".)" for report in REPORTS)
+    assert all(report.link.startswith("https://github.com/") and report.before[-1] in ".)" for report in REPORTS)
 
 
 YOLO_SET = {"labels/frame_000001.txt": f"0 {BALL}", "data.yaml": "names: [ball]\n"}

@@ -7,34 +7,18 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from tests.labels.formats.import_command import TIMES, Row, import_files
+from tests.labels.formats.import_command import Report, Row, import_files
 
 BALL = "0.5 0.25 0.015625 0.0277778"
 AT: Row = (10_000, "visible", 639.5, 179.5)
 GITHUB = "https://github.com"
 NAMES = {"classes.txt": "ball\n"}
-
-
-@dataclass(frozen=True)
-class Report:
-    """A report, its input, and what has to come of it."""
-
-    link: str
-    before: str
-    kind: str
-    files: Mapping[str, str | bytes]
-    rows: list[Row] = field(default_factory=list)
-    says: str = ""
-    flags: tuple[str, ...] = ()
-    times: str = TIMES
 
 
 def picture(width: int, height: int, kind: str = "PNG", orientation: int = 1) -> bytes:

@@ -12,7 +12,7 @@ from app.cli import main
 from benchmarks.detector_training.run import training_folder
 from core.devices.raw_recorder import raw_path
 from core.files import LONGEST_NAME_BYTES, beside
-from core.recordings import import_recording, open_recording
+from core.recordings import ImportOrder, import_recording, open_recording
 from tests.app.shared.event_files import write_csv
 
 ODD = "b\udcff\u4e2d\u00e9"
@@ -44,7 +44,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recording and labels of it, of odd names."""
     folder = tmp_path_factory.mktemp("odd")
     write_csv(folder / f"{ODD}.csv", 20)
-    import_recording([folder / f"{ODD}.csv"], folder / f"{ODD}.h5")
+    import_recording(ImportOrder([folder / f"{ODD}.csv"]), folder / f"{ODD}.h5")
     (folder / f"{ODD}-labels.csv").write_text("t_us,state,x_px,y_px,r_px\n2000,visible,5,5,3\n")
     return folder
 
@@ -98,7 +98,7 @@ def test_folders_whose_names_are_no_text_are_read_and_written(command: str, tmp_
     (labels / "frame_000001.txt").write_text("0 0.5 0.5 0.1 0.1\n")
     (tmp_path / "times.csv").write_text("t_us\n0\n2000\n")
     write_csv(tmp_path / ODD / "left.csv", 20)
-    import_recording([tmp_path / ODD / "left.csv"], tmp_path / "in.h5")
+    import_recording(ImportOrder([tmp_path / ODD / "left.csv"]), tmp_path / "in.h5")
     assert main(["export", "in.h5", "--rosbag", "bag"]) == 0
     if "bag" in command:
         (tmp_path / "bag").rename(tmp_path / ODD / "bag")
@@ -112,7 +112,7 @@ def test_a_recording_has_the_longest_name_that_there_is(letter: str, folder: Pat
     """bmad-code-org/bmad-loop#595: the name of the unfinished file was longer than any name may be."""
     free = LONGEST_NAME_BYTES - len(".h5")
     out = tmp_path / f"{letter * (free // len(letter.encode()))}{'-' * (free % len(letter.encode()))}.h5"
-    import_recording([folder / f"{ODD}.csv"], out)
+    import_recording(ImportOrder([folder / f"{ODD}.csv"]), out)
     with open_recording(out) as recording:
         assert len(recording.cameras["camera"].slice(0, 10**9)) > 0
     assert [path.name for path in tmp_path.iterdir()] == [out.name]

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from app.cli.main import main
-from core.recordings import import_recording, open_recording
+from core.recordings import ImportOrder, import_recording, open_recording
 
 ROWS = "t_us,x,y,p\n" + "".join(f"{1000 * k},{k % 640},{k % 480},{k % 2}\n" for k in range(600))
 PROGRAM = """
@@ -81,7 +81,7 @@ def test_what_is_printed_and_lost_is_no_success(program: list[str], table: Path)
 def test_nothing_in_the_working_folder_is_imported_by_any_process(
     program: list[str], table: Path, tmp_path: Path
 ) -> None:
-    import_recording([table], tmp_path / "a.h5")
+    import_recording(ImportOrder([table]), tmp_path / "a.h5")
     planted = tmp_path / "planted"
     planted.mkdir()
     for name in PLANTED:
@@ -107,7 +107,12 @@ def test_the_wait_for_a_pipe_that_nobody_writes_to_is_told_and_cancelled(tmp_pat
     monkeypatch.setattr("core.recordings.sources.piped_sources._QUIET_S", 0.05)
     os.mkfifo(tmp_path / "pipe")
     looks = iter(range(5))
-    assert import_recording([tmp_path / "pipe"], tmp_path / "o.h5", cancelled=lambda: next(looks, None) is None) is None
+    assert (
+        import_recording(
+            ImportOrder([tmp_path / "pipe"]), tmp_path / "o.h5", cancelled=lambda: next(looks, None) is None
+        )
+        is None
+    )
     assert "is a pipe: it is read until who writes to it ends" in caplog.text
     assert [path.name for path in tmp_path.iterdir()] == ["pipe"]
 

@@ -16,7 +16,7 @@ import pytest
 
 from core.errors import RecordingError
 from core.events import SensorSize
-from core.recordings import import_recording, open_recording
+from core.recordings import ImportOrder, import_recording, open_recording
 from core.recordings.sources.source import Stated
 from tests.strangers import event_files as make
 
@@ -136,7 +136,10 @@ REFUSED: dict[str, tuple[Write, str]] = {
 def test_a_table_that_others_misread_is_read(report: str, tmp_path: Path) -> None:
     write, stated = READ[report]
     path = write(tmp_path / "events.bin")
-    assert import_recording([path], tmp_path / "out.h5", sensor=SensorSize(640, 480), stated=stated) is not None
+    assert (
+        import_recording(ImportOrder([path], sensor=SensorSize(640, 480), stated=stated), tmp_path / "out.h5")
+        is not None
+    )
     with open_recording(tmp_path / "out.h5") as recording:
         found = recording.cameras["camera"].slice(0, 10**9)
     for name, column in zip(("t_us", "x_px", "y_px", "on"), VGA, strict=True):
@@ -148,5 +151,5 @@ def test_a_table_that_cannot_be_read_is_refused_with_the_cause(report: str, tmp_
     write, said = REFUSED[report]
     path = write(tmp_path / "events.bin")
     with pytest.raises(RecordingError, match=said):
-        import_recording([path], tmp_path / "out.h5", sensor=SensorSize(640, 480))
+        import_recording(ImportOrder([path], sensor=SensorSize(640, 480)), tmp_path / "out.h5")
     assert not (tmp_path / "out.h5").exists()

@@ -110,6 +110,26 @@ CLOCK_M: Final = (0.0, -1.1, 0.3)
 """Place of the clock: beside the net, on the viewer's side."""
 
 
+STEADY_LIGHT: Final = """<script>{
+  const append = document.head.appendChild;
+  document.head.appendChild = function (node) {
+    if (node.type === "module") {
+      const none = "{type:'EnvironmentMapMessage',hdri_data:null,background:false,background_blurriness:0," +
+        "background_intensity:1,background_wxyz:[1,0,0,0],environment_intensity:1,environment_wxyz:[1,0,0,0]}";
+      node.textContent = node.textContent.replace(
+        "enableDefaultLights:!0,enableDefaultLightsShadows:!0,environmentMap:null",
+        () => "enableDefaultLights:!1,enableDefaultLightsShadows:!1,environmentMap:" + none);
+    }
+    return append.call(this, node);
+  };
+}</script>"""
+"""Script of the page: viser's player, which unpacks itself, begins with no lamps of its own.
+
+It would light the scene with them each time it begins again, until the recorded messages switch them off: on a slow
+machine for seconds. Where a later player calls them otherwise the page is as viser makes it.
+"""
+
+
 def export_scene(
     recording: Recording,
     path: Path,
@@ -141,7 +161,8 @@ def export_scene(
             server.flush()
             serializer.insert_sleep(SLOWER * stride_us / 1e6)
         if as_html:
-            unfinished.write_text(serializer.as_html(dark_mode=True), encoding="utf-8")
+            page = serializer.as_html(dark_mode=True)
+            unfinished.write_text(page.replace("<head>", f"<head>{STEADY_LIGHT}", 1), encoding="utf-8")
         else:
             unfinished.write_bytes(serializer.serialize())
     return path

@@ -26,7 +26,7 @@ SUFFIX: Final = ".sqlite"
 DEEPEST: Final = 3
 """Folders: `labels-of-others/bea/<recording>/labels.sqlite`."""
 MAX_ENTRIES: Final = 2_000
-"""Of one folder and all that is in it."""
+"""Most entries of one folder, and all that is in it, that are looked at."""
 MAX_STORES: Final = 100
 
 
@@ -38,7 +38,7 @@ class OtherLabels:
     """As the list has it."""
     annotator: str
     path: Path | None = None
-    """Of the store; None: the one that is labelled in."""
+    """Place of the store; None: the one that is labelled in."""
 
 
 @dataclass(frozen=True, slots=True)

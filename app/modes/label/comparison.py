@@ -107,7 +107,7 @@ def _holds(times: NDArray[np.int64], t_us: int) -> bool:
 
 LONGEST_NAME: Final = 40
 LARGEST_PX: Final = 4_000.0
-"""Of a circle that is drawn; another program's file may say anything."""
+"""Largest radius of a circle that is drawn; another program's file may say anything."""
 
 
 def pair_marks(mine: Label | None, theirs: Label | None) -> tuple[Mark, ...]:

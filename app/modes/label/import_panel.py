@@ -17,7 +17,7 @@ from app.background.jobs import LatestWins
 from app.formatting import html_text, note_html
 from app.modes.label.annotator import annotator_from
 from app.modes.label.editor import LabelEditor
-from app.modes.label.import_files import (
+from app.modes.label.label_files import (
     FOLDER,
     ImportAsk,
     ImportPreview,

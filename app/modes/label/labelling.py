@@ -55,7 +55,7 @@ class LabelView:
     epipolar: bool = True
     """Show the other cameras' rays, where they have the ball together, and how well they agree."""
     centre_px: tuple[float, float] | None = None
-    """Of a zoomed picture, where nothing is known of the ball."""
+    """Centre of a zoomed picture, where nothing is known of the ball."""
     repeat: bool = False
     """A repeat annotation: the label is asked for again, without showing it."""
 

@@ -82,9 +82,9 @@ def panel_html(labelling: Labelling, problem: str, notes: tuple[str, ...], *, wa
     compared = labelling.compared_here
     if compared is None:
         return note_html("comparing", theme.MUTED) if waiting else ""
-    told = [note_html(html_text(note), theme.BAD) for note in notes[:3]]
+    notes_html = [note_html(html_text(note), theme.BAD) for note in notes[:3]]
     t_us = labelling.t_us
-    return "".join([*told, counts_html(compared), pair_html(compared, t_us, labelling.here.labels.get(t_us))])
+    return "".join([*notes_html, counts_html(compared), pair_html(compared, t_us, labelling.here.labels.get(t_us))])
 
 
 def counts_html(compared: LabelComparison) -> str:

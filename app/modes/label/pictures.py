@@ -12,7 +12,9 @@ from typing import Final
 from app.background.jobs import LatestWins
 from app.modes.label.editor import LabelEditor
 from app.modes.label.label_picture import (
+    GAP_PX,
     HEIGHT_PX,
+    MAIN_WIDTH_PX,
     STATUS_PX,
     PictureKey,
     PicturePlan,
@@ -23,7 +25,6 @@ from app.modes.label.label_picture import (
 )
 from app.modes.label.labelling import Labelling, Point
 from app.modes.label.plan import LabelScene, centre_at, plan_at
-from app.modes.label.side_layout import GAP_PX, MAIN_WIDTH_PX
 from app.modes.label.sources import LabelSource
 from app.pictures.palette import PaletteIndex
 from app.views.freshness import AnswerFreshness
@@ -127,7 +128,7 @@ class Prefetcher:
     def __init__(self, pool: Executor, cache: PictureCache, failed: Callable[[Exception], None]) -> None:
         self._cache = cache
         self._number = 0
-        """Of the latest request; older ones stop."""
+        """Number of the latest request; older ones stop."""
         self._work = LatestWins(pool, self._draw, lambda request, answer: None, failed)
 
     def want(self, scene: LabelScene, t_us: int, centre: Point) -> None:
@@ -231,7 +232,7 @@ class LabelPictures:
         now, centre = scene.now, self._centre
         assert centre is not None
         planned = (now.t_us, centre, now.view, now.works, now.compared, now.asking, now.breaks_us, now.step_us)
-        planned = (*planned, scene.rendering, scene.colours, scene.ring, words)
+        planned = (*planned, scene.rendering, scene.colours, scene.ring, scene.aspect, words)
         if planned == self._planned:  # nothing has changed since the last turn: no ray has to be drawn again
             return
         self._planned = planned

@@ -10,8 +10,11 @@ import numpy as np
 
 from app.modes.label.comparison import pair_legend, pair_marks
 from app.modes.label.label_picture import (
+    GAP_PX,
     HEIGHT_PX,
+    MAIN_WIDTH_PX,
     STATE_INKS,
+    USUAL_ASPECT,
     BoxMark,
     CircleMark,
     LineMark,
@@ -19,9 +22,10 @@ from app.modes.label.label_picture import (
     PictureKey,
     PicturePlan,
     PointMark,
+    SideLayout,
+    choose_side_layout,
 )
 from app.modes.label.labelling import Labelling, Point, window_around
-from app.modes.label.side_layout import GAP_PX, MAIN_WIDTH_PX, USUAL_ASPECT, SideLayout, choose_side_layout
 from app.modes.label.sightings import FROM_OTHERS, agreement_at, draft_at, expected_at, positions_at, reprojected_at
 from app.modes.label.sources import LabelSource
 from app.pictures.canvas import Region, Rendering

@@ -13,7 +13,7 @@ from typing import IO, Final
 
 from app.modes.label.comparer import FOLDER as STORES
 from app.modes.label.comparer import SUFFIX as STORE_SUFFIX
-from app.modes.label.import_files import FOLDER, MAX_ENTRIES
+from app.modes.label.label_files import FOLDER, MAX_ENTRIES
 from app.web.uploads import KEPT_FREE_BYTES
 from core.errors import LabelError
 from labels.store_contents import layers_of_store
@@ -68,7 +68,7 @@ def _unpack(archive: Path, folder: Path) -> None:
         with zipfile.ZipFile(archive) as opened:
             _unpack_members(opened, folder)
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, ValueError) as error:
-        raise LabelError("not a ZIP file that can be read", got=error, where=archive.name) from error
+        raise LabelError("not a ZIP file that can be read", got=str(error).removeprefix("File is ")) from error
 
 
 def _unpack_members(archive: zipfile.ZipFile, folder: Path) -> None:

@@ -91,7 +91,7 @@ class LabelResults:
             lambda: host.later(self._cancel),
         )
         self._name: str | None = None
-        """Of the file that is being made."""
+        """Name of the file that is being made."""
         self._made: LabelFiles | None = None
         self._shown_s = float("-inf")
 

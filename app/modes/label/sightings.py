@@ -13,8 +13,7 @@ from app.modes.label.label_changes import ProposedLabel
 from app.modes.label.labelling import NEAR_US, CameraWork, Labelling, Point
 from core.cameras import Camera, ball_circles
 from labels.assist import check_stereo
-from labels.assist.both_views import labelled_positions_at
-from labels.assist.stereo import BallInSpace, Position, Reprojection, ball_in_space, reproject
+from labels.assist.stereo import BallInSpace, Position, Reprojection, ball_in_space, labelled_positions_at, reproject
 
 FROM_OTHERS: Final = "other cameras"
 """What a label or a proposal says it was proposed by, if it follows from labels of other cameras."""

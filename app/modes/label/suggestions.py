@@ -20,6 +20,7 @@ from app.modes.label.labelling import CameraWork, Labelling
 from app.modes.label.sightings import FROM_OTHERS, draft_at
 from app.modes.label.sources import LabelSource
 from core.detection.saved import SavedDetector
+from core.metrics.at_times import LEAD_IN_US
 from core.recordings import CameraStream
 from labels.assist import (
     Proposals,
@@ -32,13 +33,11 @@ from labels.assist import (
     steady_segment,
     whole_flight,
 )
-from labels.assist.both_views import labelled_positions_at
 from labels.assist.propose import joined_proposals
 from labels.assist.review import QueueItem
-from labels.assist.stereo import median_residual_px
+from labels.assist.stereo import labelled_positions_at, median_residual_px
 from labels.assist.whole_flight import Doubt
 from labels.model import Label
-from labels.score import LEAD_IN_US
 from labels.store import LabelStore
 
 SEGMENT_US: Final = 2_000_000

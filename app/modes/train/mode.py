@@ -22,7 +22,7 @@ from app.state.client_state import ClientState
 from app.state.commands import SetMode
 from core.errors import RallyscopeError
 from core.learning.config import RunConfig
-from core.learning.runs.control import RunCommand
+from core.learning.runs.run_files import RunCommand
 from core.recordings import Recording
 
 LOOK_EVERY_S: Final = 0.5

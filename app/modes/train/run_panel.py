@@ -16,7 +16,7 @@ from app.modes.train.form import PACES
 from app.modes.train.status import status_html
 from app.modes.train.view import Details, RunsView
 from app.widgets import Listing, when_clicked
-from core.learning.runs.control import RunCommand
+from core.learning.runs.run_files import RunCommand
 
 NEWEST: Final = "the newest"
 LAST_ONES: Final = "the last three"

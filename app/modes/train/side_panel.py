@@ -59,7 +59,7 @@ class ChartsPanel:
 
     def __init__(self, gui: viser.GuiApi) -> None:
         self._gui = gui
-        self._legend = gui.add_html("")
+        self._legend = gui.add_html(_title("Curves come with the first balls of a training."))
         self._place = gui.add_folder(None, visible=False)
         self._results = gui.add_html("")
         self._titles: list[viser.GuiHtmlHandle] = []

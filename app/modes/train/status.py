@@ -211,7 +211,7 @@ def rule_text(curriculum: CurriculumConfig) -> str:
 
 
 def _stage(line: dict[str, object]) -> str:
-    kept, dropped = _whole(line.get("kept")), _whole(line.get("dropped"))
+    kept, dropped = _integer(line.get("kept")), _integer(line.get("dropped"))
     stage, speed = line.get("stage"), line.get("speed_mps")
     if not isinstance(stage, int) or not isinstance(speed, (int, float)) or kept + dropped == 0:
         return ""
@@ -224,7 +224,9 @@ def _cases(found: object) -> list[tuple[Case, int, int]]:
     if not isinstance(found, dict):
         return []
     counts = [(case, found.get(str(case.value))) for case in (Case.RETURNED, *(c for c in Case if c != Case.RETURNED))]
-    return [(case, _whole(two[0]), _whole(two[1])) for case, two in counts if isinstance(two, list) and len(two) == 2]
+    return [
+        (case, _integer(two[0]), _integer(two[1])) for case, two in counts if isinstance(two, list) and len(two) == 2
+    ]
 
 
 def _bar(cases: list[tuple[Case, int, int]]) -> str:
@@ -245,5 +247,5 @@ def _bar(cases: list[tuple[Case, int, int]]) -> str:
     return f"<div style='line-height:1;white-space:nowrap'>{bar}</div><div style='font-size:11.5px'>{words}</div>"
 
 
-def _whole(value: object) -> int:
+def _integer(value: object) -> int:
     return value if isinstance(value, int) and 0 <= value < 10**9 else 0

@@ -88,7 +88,7 @@ class AutoTunePanel:
         chosen = tuple(name for name, tick in self._ticks.items() if tick.visible and tick.value)
         if not chosen:
             raise CommandError("no thresholds to tune", remedy="select some under Thresholds")
-        trials, seed = _whole(self._trials.value, 1, MAX_TRIALS), _whole(self._seed.value, 0, LARGEST_SEED)
+        trials, seed = _integer(self._trials.value, 1, MAX_TRIALS), _integer(self._seed.value, 0, LARGEST_SEED)
         return AutoTuneForm(
             method,
             cast(Against, against),
@@ -126,7 +126,7 @@ class AutoTunePanel:
             folder.visible = any(name.startswith(f"{section}.") for name in offered)
 
 
-def _whole(value: object, low: int, high: int) -> int:
+def _integer(value: object, low: int, high: int) -> int:
     """Whole number in a range, from a value that a browser sent."""
     if not isinstance(value, (int, float)) or not low <= value <= high:
         raise CommandError("not a possible number", expected=f"{low} to {high}", got=repr(value)[:20])

@@ -10,13 +10,14 @@ from typing import Final
 
 from app.formatting import html_text, table_row
 from core.detection import DetectorConfig
-from core.detection.methods import Method, make_detector
+from core.detection.methods import Method, make_detector, method_config
+from core.metrics.at_times import answers_at
 from core.metrics.run import TimedDetector
 from core.recordings import CameraStream
 from labels.agreement import Agreement, measure_agreement
 from labels.arrays import STATES
 from labels.model import LabelState
-from labels.score import GroupScore, answers_at, answers_in_time, score_groups
+from labels.score import GroupScore, answers_in_time, score_groups
 from labels.score_picture import ScoreCurves, measure_curves, score_svg
 from labels.store import LabelStore, Layer, find_layers, has_labels
 
@@ -76,7 +77,8 @@ def score_with_labels(
             raise ScoreCancelledError
         progress(share)
 
-    detector, window_us = TimedDetector(make_detector(method, stream.sensor, config)), config.window.window_us
+    detector = TimedDetector(make_detector(method, stream.sensor, config))
+    window_us = method_config(method, config).window.window_us
     answers = answers_at(stream, detector, asked.t_us, window_us, progress=lambda share: report(share / 2))
     later = answers_in_time(
         stream, detector, answers, window_us, added_us, progress=lambda share: report(0.5 + share / 2)

@@ -16,8 +16,7 @@ from app.formatting import html_text, percent
 from app.modes.tune.results_panel import reasons_html
 from core.detection import DetectorConfig
 from core.detection.methods import Method
-from core.metrics.run import duration_of
-from core.metrics.sample import MethodSample, best_other, sample_method
+from core.metrics.run import MethodSample, best_other, duration_of, sample_method
 from core.recordings import CameraStream
 
 REST_S: Final = 1.5

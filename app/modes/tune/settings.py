@@ -63,7 +63,6 @@ class SettingsPanel:
         self.folder = gui.add_folder("Detector")
         with self.folder:
             self._method = gui.add_dropdown("Method", tuple(METHODS), hint="The detector that is tuned")
-            self._what = gui.add_html("")
             edit = gui.add_button_group(
                 "Edit",
                 ("Undo", "Redo", "Reset", "Copy"),
@@ -136,7 +135,7 @@ class SettingsPanel:
 
     def _offer(self, method: Method) -> None:
         """Show the fields of the config that this method uses."""
-        self._what.content = stage_counts_html(METHODS[method])
+        self._method.hint = f"{method}: {METHODS[method]}"  # no line of its own: the sliders are to be in reach
         taken = {parameter.spec.path for parameter in tunable_parameters(method, DetectorConfig())}
         of_group = {setting_group(spec.path[0], spec.stage): [] for spec in field_specs(DetectorConfig)}
         for spec in field_specs(DetectorConfig):
@@ -159,13 +158,14 @@ class SettingsPanel:
 
 
 def count_html(count: StageCount) -> str:
-    """One line with what came into a stage, what it kept, and its time."""
+    """One line with what came into a stage, what it kept, and its time; the page greys it while it is outdated."""
     alike = count.unit_in in ("", count.unit)
     share = f" ({percent(count.count_out / count.count_in)})" if alike and count.count_in else ""
     before = f"{count.count_in}" if alike else f"{count.count_in} {html_text(count.unit_in)}"
     seconds = "" if count.seconds is None else f" &middot; {count.seconds * 1e3:.2f} ms"
     kept = f"{before} &rarr; <b>{count.count_out}</b> {html_text(count.unit)}{share}{seconds}"
-    return f"<div class='rallyscope-answer'>{stage_counts_html(kept)}</div>"  # grey while outdated
+    whole = f"{before} &rarr; {count.count_out} {html_text(count.unit)}{share}{seconds}"  # where a line is cut
+    return f"<div class='rallyscope-answer rallyscope-count' title='{whole}'>{stage_counts_html(kept)}</div>"
 
 
 class DebouncedEdit:

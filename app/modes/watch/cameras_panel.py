@@ -42,13 +42,13 @@ def sighting_of(request: CameraPicturesRequest, camera: str) -> Sighting:
 
 
 def rows_html(pictures: int) -> str:
-    """Lays the pictures below it out in rows, see the page's style; nothing where there are few."""
+    """Marks the pictures that follow it for the page's style: it lays three or more out in rows, with a legend."""
     if pictures < MANY:
-        return ""
+        return "<div data-rallyscope-cameras></div>"
     legend = "&#9679; sees the ball &nbsp; &#10005; something else &nbsp; &#9675; no ball"
     columns = 2 if pictures <= 4 else 3
     style = f"font-size:12px;color:{theme.MUTED};padding:2px 12px"
-    return f"<div data-rallyscope-columns={columns} style='{style}'>{legend}</div>"
+    return f"<div data-rallyscope-cameras data-rallyscope-columns={columns} style='{style}'>{legend}</div>"
 
 
 class CamerasPanel:

@@ -25,6 +25,7 @@ from app.shared.live_rally import LiveRally, positions
 from app.shared.rallies import WatchedRally
 from app.state.client_state import ClientState
 from app.views.camera_pictures import CameraPicturesRequest
+from app.views.freshness import AnswerFreshness, Staleness
 from core.chain.config import PREDICTIONS, PredictionName
 from core.errors import CommandError
 from core.history.lead_time import LeadTimeErrors, LeadTimesRequest, compute_lead_times
@@ -82,7 +83,12 @@ class WatchMode:
             self._robot: RobotPanel | None = None
             self._learning: LearningPanel | None = None
         self._cameras = CamerasPanel(gui, lambda camera: host.send(EnlargeCamera(camera)))
-        self._pictures = LatestWins(host.pool, host.services.camera_pictures, self._pictures_done, self._failed)
+        self._pictures = LatestWins(
+            host.pool, host.services.camera_pictures, self._pictures_done, self._pictures_failed
+        )
+        self._freshness = AnswerFreshness()
+        """Whether the cameras' pictures beside the 3D view are the answer to the latest request."""
+        self._staleness: Staleness = ""
         self._lead_times = LatestWins(host.pool, compute_lead_times, self._show_lead_times, self._failed)
         self._drawn: object = None
         self._drawn_s = self._pictures_s = self._status_s = self._lead_times_s = 0.0
@@ -103,8 +109,8 @@ class WatchMode:
 
     @property
     def needs_tick(self) -> bool:
-        """Whether the rally is live, or its recording is still being processed."""
-        return self._live is not None
+        """Whether the rally is live, or the cameras' pictures are awaited: outdated ones are marked in time."""
+        return self._live is not None or self._freshness.is_waiting
 
     def show(self, active: bool) -> None:
         """Show the controls or hide them."""
@@ -112,6 +118,8 @@ class WatchMode:
         self._folder.visible = active
         self._cameras.panel.visible = active and self._has_panel
         self._drawn = None
+        self._freshness.forget()
+        self._show_staleness("")
 
     def use_recording(self, recording: Recording) -> None:
         """Another recording was opened."""
@@ -148,6 +156,7 @@ class WatchMode:
         self._sweep.show(state, flat=self.middle == "events")
         self._missed.tick(None if self._rally is None else self._rally.history, now_us, wall_s)
         self._show_controls(live, wall_s)
+        self._show_staleness(self._freshness.staleness(wall_s, moving=state.playhead.playing))
         if self._rally is None or not self._has_panel or wall_s - self._drawn_s < DRAW_EVERY_S:
             return
         self._request_lead_times(wall_s)
@@ -232,14 +241,27 @@ class WatchMode:
         circles = {} if step is None else step.circles
         used = frozenset() if step is None or step.point is None else frozenset(step.point.uvs_px)
         with_truth = "True ball" not in state.watch.hidden
-        self._pictures.submit(CameraPicturesRequest(recording, moment.t_us, state.look, circles, with_truth, used))
+        request = CameraPicturesRequest(recording, moment.t_us, state.look, circles, with_truth, used)
+        self._freshness.ask(request, wall_s)
+        self._pictures.submit(request)
 
     def _pictures_done(self, request: CameraPicturesRequest, pngs: dict[str, bytes]) -> None:
         self._host.later(lambda: self._show_pictures(request, pngs))
 
     def _show_pictures(self, request: CameraPicturesRequest, pngs: dict[str, bytes]) -> None:
         if self._active and self._has_panel:
+            self._freshness.answered(request)
             self._cameras.show(pngs, {name: sighting_of(request, name) for name in pngs})
+
+    def _pictures_failed(self, error: Exception) -> None:
+        self._host.later(self._freshness.failed)
+        self._failed(error)
+
+    def _show_staleness(self, staleness: Staleness) -> None:
+        """Mark the cameras' pictures on the page while they are outdated."""
+        if staleness != self._staleness:
+            self._staleness = staleness
+            self._host.plane.tell("stale", {"docked": staleness})
 
     def _add_controls(self, live: LiveRally) -> None:
         gui = self._host.client.gui

@@ -15,7 +15,7 @@ from app.modes.watch.figures import coloured, figures_html, learned_words, muted
 from app.modes.watch.stream_status import camera_rows
 from app.scene.prediction import CASE_NAMES, CASE_RGB
 from core.chain.calibration_drift import DriftReport
-from core.chain.control.decision import RacketDecision
+from core.chain.control.controller import RacketDecision
 from core.history.rally_history import Outcome, RallyMoment, RallyStep, ShownPrediction
 from core.live.link.adaptive_rate import pace_words
 from core.live.link.messages import WorldState

@@ -21,8 +21,7 @@ from app.views.mosaic import Mosaic
 from app.widgets import when_changed, when_clicked
 from core.cameras.calibration import Board, find_board
 from core.cameras.calibration.board import KINDS, BoardKind
-from core.cameras.calibration.board_cover import emptiest_ninth, ninth_words
-from core.cameras.calibration.coverage import cells_of
+from core.cameras.calibration.coverage import cells_of, emptiest_ninth, ninth_words
 from core.errors import CommandError
 from core.recordings import Recording
 from core.recordings.board_pictures import newest_blink

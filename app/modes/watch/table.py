@@ -19,9 +19,14 @@ from app.state.client_state import ClientState
 from app.state.swept_cells import CORNER_NAMES, TableClicks
 from app.widgets import when_changed, when_clicked
 from core.cameras import Camera
-from core.cameras.calibration.table_calibration import place_at_table, write_table_calibration
 from core.cameras.calibration.table_corners import CLICKS_AT_LEAST
-from core.cameras.calibration.table_pose import TablePose, clicks_of, find_table_pose
+from core.cameras.calibration.table_pose import (
+    TablePose,
+    clicks_of,
+    find_table_pose,
+    place_at_table,
+    write_table_calibration,
+)
 from core.errors import CalibrationError, CommandError, RallyscopeError
 from core.recordings import Recording
 

@@ -1,4 +1,5 @@
-// What is not the answer to what is asked now is grey, with the reason: the picture, its words, and all that a panel marks.
+// What is not the answer to what is asked now is grey: the picture with its words and the reason, all that a panel marks,
+// and the cameras' pictures beside the 3D view, which are asked for apart (`docked`).
 {
   const badge = document.createElement("div");
   badge.id = "rallyscope-stale";
@@ -17,7 +18,8 @@
     Object.assign(badge.style, { left: `${box.left + box.width / 2}px`, top: `${box.top + 14}px` });
   };
 
-  rallyscope.handlers.stale = ({ why }) => {
+  rallyscope.handlers.stale = ({ why, docked }) => {
+    if (docked !== undefined) { document.documentElement.toggleAttribute("data-rallyscope-stale-docked", Boolean(docked)); return; }
     document.documentElement.toggleAttribute("data-rallyscope-stale", Boolean(why));
     badge.textContent = TEXTS[why] || "";
     badge.hidden = !why;

@@ -39,12 +39,13 @@ from core.events import Window
 from core.files import replace_file
 from core.jobs import ALONE, HERE, JobBackend, TaskControl, open_jobs
 from core.metrics import WindowAnswers
+from core.metrics.at_times import answers_at
 from core.metrics.run import TimedDetector, one_opencv_thread
 from core.recordings import open_recording
 from core.text import markdown_table, plain
 from labels.agreement import Agreement, measure_agreement
 from labels.arrays import LabelArrays
-from labels.score import SEAM_US, answers_at, joined_in_time
+from labels.score import SEAM_US, joined_in_time
 
 
 def set_card(own: OwnSet) -> dict[str, object]:

@@ -149,7 +149,14 @@ class BodyTracks:
 def body_tracks(
     tracks: Mapping[str, PointTrack], body_m: Array, sigmas: Mapping[str, Array] | None = None, *, clean: bool = True
 ) -> BodyTracks:
-    """The tracks of all cameras by name; of dense ones, strays that the neighbours do not expect are left out."""
+    """The tracks of all cameras by name; of dense ones, strays that the neighbours do not expect are left out.
+
+    Args:
+        tracks: pixels, times and markers of each camera, by its name.
+        body_m: (M, 3) places of the markers on the body, m; one row is a ball.
+        sigmas: (N,) standard deviation of each sighting of a camera, relative to the others; 1 without it.
+        clean: whether strays are looked for.
+    """
     kept, weights = [], []
     for name, track in tracks.items():
         sigma = sigmas[name] if sigmas is not None else np.ones(len(track.t_us))

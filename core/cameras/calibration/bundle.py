@@ -135,7 +135,7 @@ def adjust_rig(
         used, sigma_px = _inliers(seen(), rig, every)
         if np.array_equal(before, used):
             break
-    here, slopes = _whole(seen(), rig, used, free, extra, sigma_px)
+    here, slopes = _residuals_and_jacobian(seen(), rig, used, free, extra, sigma_px)
     full = np.zeros((free.size, free.size))
     places = np.flatnonzero(free)
     full[np.ix_(places, places)] = blocked_covariance(slopes, here, seen().t_us, used.size * 2)
@@ -147,6 +147,12 @@ def blocked_covariance(slopes: Array, here: Array, t_us: Array, rows: int) -> Ar
 
     `slopes` (R, P) and `here` (R,) are Jacobian and residuals in standard deviations; the first `rows` of them belong
     to the instants `t_us` (N,), as many to each, the others are known lengths and clicks with errors of their own.
+
+    Args:
+        slopes: (R, P) Jacobian.
+        here: (R,) residuals.
+        t_us: (N,) times of the instants.
+        rows: number of residuals that belong to the instants.
     """
     count = slopes.shape[1]
     inverse = np.linalg.pinv(slopes.T @ slopes)
@@ -272,19 +278,24 @@ def _by_cameras(rig: Rig, fit: BodyFit, free: Mask) -> Array:
     return (slopes / fit.samples.sigmas[..., None, None]).reshape(instants, count * cameras * 2, -1)
 
 
-def _whole(samples: Samples, rig: Rig, used: Mask, free: Mask, extra: Extra, sigma_px: float) -> tuple[Array, Array]:
+def _residuals_and_jacobian(
+    samples: Samples, rig: Rig, used: Mask, free: Mask, extra: Extra, sigma_px: float
+) -> tuple[Array, Array]:
     """All residuals (R,) in standard deviations and their slopes (R, F), the body eliminated."""
     fit = fit_body(samples, rig, used)
     by_cameras = _by_cameras(rig, fit, free)
     by_cameras -= fit.slopes @ (_pinv(fit.slopes) @ by_cameras)
     count = int(free.sum())
-    more = _more(rig, rig, free, extra)
-    steps = [(_more(moved_rig(rig, free, row), rig, free, extra, row) - more) / STEP for row in STEP * np.eye(count)]
+    more = _prior_residuals(rig, rig, free, extra)
+    steps = [
+        (_prior_residuals(moved_rig(rig, free, row), rig, free, extra, row) - more) / STEP
+        for row in STEP * np.eye(count)
+    ]
     here = np.concatenate([_rows(fit.errors_px, fit.samples.sigmas).ravel() / sigma_px, more])
     return here, np.vstack([by_cameras.reshape(-1, count) / sigma_px, np.column_stack(steps)])
 
 
-def _more(moved: Rig, start: Rig, free: Mask, extra: Extra, step: Array | None = None) -> Array:
+def _prior_residuals(moved: Rig, start: Rig, free: Mask, extra: Extra, step: Array | None = None) -> Array:
     """The extra residuals, and the priors: of the lens about where it started, of drift and lead about 0."""
     full = np.zeros(free.size)
     if step is not None:
@@ -299,12 +310,12 @@ def _solve(samples: Samples, rig: Rig, used: Mask, free: Mask, extra: Extra, *, 
     def residuals(step: Array) -> Array:
         moved = moved_rig(rig, free, step)
         fit = fit_body(samples, moved, used)
-        more = _more(moved, rig, free, extra, step)
+        more = _prior_residuals(moved, rig, free, extra, step)
         return np.concatenate([_rows(fit.errors_px, fit.samples.sigmas).ravel() / sigma_px, more])
 
     def slopes(step: Array) -> Array:
         # Turns are small steps from where they are, so the slopes there are those from 0 but for a second order.
-        return _whole(samples, moved_rig(rig, free, step), used, free, extra, sigma_px)[1]
+        return _residuals_and_jacobian(samples, moved_rig(rig, free, step), used, free, extra, sigma_px)[1]
 
     method: Any = slopes  # scipy's annotations of `jac` know only names
     start = np.zeros(int(free.sum()))

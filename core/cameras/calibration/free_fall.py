@@ -57,6 +57,13 @@ def measure_gravity(
 
     `drag_per_m` is the braking acceleration over the squared speed, 0 in a vacuum.
 
+    Args:
+        t_us: (N,) times of the points, ascending.
+        ps: (N, 3) points in the unit and the frame of the track.
+        information: (N, 3, 3) their inverse covariances, in the same unit.
+        drag_per_m: braking acceleration over the squared speed, 1/m.
+        gravity_mps2: what the common acceleration of all arcs is known to be.
+
     Raises:
         CalibrationError: with fewer than three arcs of 80 ms.
     """

@@ -1,10 +1,15 @@
-"""A lens from pictures of a board: OpenCV's calibration, with the pictures that do not fit left out and named."""
+"""A lens from pictures of a board: OpenCV's calibration, with the pictures that do not fit left out and named.
+
+Fisheye lenses (Kannala-Brandt) are fitted by OpenCV's `fisheye.calibrate`, with their uncertainty. A lens is written as
+OpenCV's FileStorage YAML for names that end in .yaml or .yml, as our own TOML for all others.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 import cv2
@@ -13,14 +18,96 @@ from numpy.typing import NDArray
 
 from core.cameras.calibration.board import Board, board_pose
 from core.cameras.calibration.coverage import coverage
-from core.cameras.calibration.fisheye_fit import FisheyeFit, fit_fisheye
+from core.cameras.calibration_file import save_calibration
 from core.cameras.camera import Camera
 from core.cameras.distortion import LensModel, fold_radius
 from core.cameras.lens_kernel import FOLD_ANGLE
 from core.errors import CalibrationError
 from core.events import SensorSize
+from core.files import replace_file
 
 Array = NDArray[np.float64]
+
+FISHEYE_PARAMETERS: Final = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")
+STOP: Final = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 200, 1e-9)
+FIRST_ANGLES_DEG: Final = (90.0, 60.0, 40.0)
+"""First guesses: how far off the axis the corner of the picture sees. From a bad one OpenCV finds nothing."""
+FLAGS: Final = tuple(
+    getattr(cv2.fisheye if hasattr(cv2.fisheye, name) else cv2, name)
+    for name in ("CALIB_RECOMPUTE_EXTRINSIC", "CALIB_FIX_SKEW", "CALIB_USE_INTRINSIC_GUESS")
+)
+"""OpenCV 4 has flags of their own for the fisheye; 5 has one set for all."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FisheyeFit:
+    """A lens, its standard deviations and how well each view fits."""
+
+    camera: Camera
+    sigmas: dict[str, float]
+    rms_px: Array
+    """Per view."""
+    total_rms_px: float
+
+
+def fit_fisheye(views: Sequence[Array], board: Board, sensor: SensorSize) -> FisheyeFit:
+    """The lens that explains the board's points (N, 2) of each view best.
+
+    Raises:
+        CalibrationError: if the pictures fix no such lens.
+    """
+    points = board.points_m[None]
+    found = [one for angle in FIRST_ANGLES_DEG if (one := _calibrate(views, points, sensor, angle)) is not None]
+    if not found:
+        remedy = "tilt the board between the pictures, show it all over the picture, or fit a pinhole"
+        raise CalibrationError("the pictures fix no fisheye lens", remedy=remedy)
+    _, K, coefficients, rvecs, tvecs = min(found, key=lambda one: one[0])
+    camera = Camera(sensor, np.asarray(K, np.float64), np.ravel(coefficients).astype(np.float64), np.eye(4), "fisheye")
+    residuals: list[Array] = []
+    information = np.zeros((8, 8))
+    for view, rvec, tvec in zip(views, rvecs, tvecs, strict=True):
+        seen, slopes = cv2.fisheye.projectPoints(
+            points, np.ravel(rvec)[None], np.ravel(tvec)[None], camera.K, camera.distortion
+        )
+        residuals.append(view - np.asarray(seen, np.float64).reshape(-1, 2))
+        lens, pose = slopes[:, :8], slopes[:, 8:14]  # fx fy cx cy k1 k2 k3 k4, then the turn and the shift
+        information += lens.T @ lens - lens.T @ pose @ np.linalg.pinv(pose.T @ pose) @ pose.T @ lens
+    squares = np.concatenate([residual.ravel() for residual in residuals]) ** 2
+    freedom = max(1, len(squares) - 8 - 6 * len(views))
+    deviations = np.sqrt(np.maximum(0.0, np.diag(np.linalg.pinv(information))) * squares.sum() / freedom)
+    return FisheyeFit(
+        camera,
+        dict(zip(FISHEYE_PARAMETERS, deviations.tolist(), strict=True)),
+        np.array([np.sqrt((residual**2).sum(axis=1).mean()) for residual in residuals]),
+        float(np.sqrt(2 * squares.mean())),
+    )
+
+
+def _calibrate(
+    views: Sequence[Array], points: Array, sensor: SensorSize, angle_deg: float
+) -> tuple[float, Array, Array, Sequence[Array], Sequence[Array]] | None:
+    """Error, K, coefficients and the poses of the board, from a first guess; None if OpenCV finds none."""
+    size = (sensor.width_px, sensor.height_px)
+    focal_px = 0.5 * float(np.hypot(*size)) / np.radians(angle_deg)
+    K = np.array([[focal_px, 0, (size[0] - 1) / 2], [0, focal_px, (size[1] - 1) / 2], [0, 0, 1]], np.float64)
+    try:
+        rms, K, coefficients, rvecs, tvecs = cv2.fisheye.calibrate(
+            [points] * len(views),
+            [view[None] for view in views],
+            size,
+            K,
+            np.zeros((4, 1)),
+            flags=sum(FLAGS),
+            criteria=STOP,
+        )
+    except cv2.error:
+        return None
+    numbers = np.concatenate([np.ravel(K), np.ravel(coefficients)])
+    if not (np.isfinite(rms) and np.isfinite(numbers).all()):
+        return None
+    turns, moves = ([np.asarray(one, np.float64) for one in each] for each in (rvecs, tvecs))
+    return float(rms), np.asarray(K, np.float64), np.asarray(coefficients, np.float64), turns, moves
+
 
 PICTURES_AT_LEAST: Final = 6
 """Three would do for the equations; with fewer than six nothing shows that one of them is bad."""
@@ -179,3 +266,31 @@ def _check_count(count: int, given: int) -> None:
             got=f"{count}{left}",
             remedy="take 15 to 30, tilted, near and far, also in the corners of the picture",
         )
+
+
+YAML_SUFFIXES = (".yaml", ".yml")
+
+
+def save_lens(path: Path, name: str, camera: Camera, *, notes: Mapping[str, float | str] | None = None) -> None:
+    """Write one camera, replacing the file in one step. OpenCV's form has no names, but room for the notes.
+
+    Raises:
+        CalibrationError: if the file cannot be written.
+    """
+    if path.suffix.lower() not in YAML_SUFFIXES:
+        save_calibration(path, {name: camera})
+        return
+    storage = cv2.FileStorage(".yaml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
+    storage.write("image_width", camera.sensor.width_px)
+    storage.write("image_height", camera.sensor.height_px)
+    storage.write("camera_matrix", camera.K)
+    storage.write("distortion_coefficients", camera.distortion[None])
+    if camera.model == "fisheye":
+        storage.write("distortion_model", "equidistant")
+        storage.write("fisheye_model", 1)
+    for key, value in (notes or {}).items():
+        storage.write(key, value)
+    try:
+        replace_file(path, storage.releaseAndGetString().encode(), durable=True)
+    except OSError as error:
+        raise CalibrationError("cannot write the calibration", got=error.strerror, where=path) from error

@@ -47,7 +47,15 @@ def points_of(Ts_frame_camera: Array, xys: Array, focals_px: Array) -> Array:
 
 
 def point_information(Ts_frame_camera: Array, ps: Array, xys: Array, focals_px: Array, sigma_px: float) -> Array:
-    """(N, 3, 3) inverse covariances of points seen in pixels that err by `sigma_px`; nan where a point is none."""
+    """(N, 3, 3) inverse covariances of points seen in pixels that err by `sigma_px`; nan where a point is none.
+
+    Args:
+        Ts_frame_camera: (C, 4, 4) poses of the cameras.
+        ps: (N, 3) points in the frame.
+        xys: (N, C, 2) pinhole coordinates; nan where a camera does not see the point.
+        focals_px: (C,) focal lengths.
+        sigma_px: standard deviation of a pixel along each axis.
+    """
     slopes = np.nan_to_num(_slopes(Ts_frame_camera, ps, xys, focals_px)).reshape(len(ps), -1, 3) / sigma_px
     information = slopes.transpose(0, 2, 1) @ slopes
     information[~np.isfinite(ps).all(axis=1)] = np.nan

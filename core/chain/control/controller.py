@@ -1,4 +1,7 @@
-"""The built-in controller: from a predicted ball to a racket pose and velocity, by inverting impact and flight."""
+"""The built-in controller: from a predicted ball to a racket pose and velocity, by inverting impact and flight.
+
+What a controller decides on a predicted ball is the value that the player, the recording and the app share.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,6 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from core.chain.control.decision import RacketDecision
 from core.chain.control.stroke_solver import (
     SPEED,
     TILT,
@@ -26,11 +28,33 @@ from core.physics import PhysicsConfig, TaskConfig
 from core.physics.flight import air_from_config
 from core.physics.impact import surfaces_from_config
 from core.physics.rotation import base_orientation, orientations_from_actions
-from core.simulation.episodes.racket import target_for_ball
+from core.simulation.episodes.racket import RacketTarget, target_for_ball
 from core.table import BALL_RADIUS_M, NET_HEIGHT_M
 from core.trajectory.prediction import Stage
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RacketDecision:
+    """Where the racket is sent, what for, and what is expected to come of it."""
+
+    t_us: int = 0
+    """End of the window that led to it; 0 from a controller, which knows of no windows."""
+    stage: Stage
+    """Stage of the prediction it answers."""
+    state: Array
+    """(6,) predicted p_c and v_c at the hitting plane; NaN where a recording does not say."""
+    goal_m: Array
+    """(2,) wanted landing point."""
+    target: RacketTarget
+    action: Array
+    """(3,) in [-1, 1]: the orientation as q = q_base qx qy qz, in units of the action limit."""
+    landing_m: Array | None = None
+    """(2,) expected landing point; None before the orientation is decided, or where nobody computes it."""
+    net_z_m: float | None = None
+    """Expected height of the ball's centre over the net."""
+
 
 SPIN_ROUNDS: Final = 2
 """The Magnus force on the way back to the bounce depends on the spin that is wanted."""

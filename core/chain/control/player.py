@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from core.chain.chain import ChainState, RallyChain
-from core.chain.control.controller import BuiltInController, Controller
-from core.chain.control.decision import RacketDecision
+from core.chain.config import learned_physics
+from core.chain.control.controller import BuiltInController, Controller, RacketDecision
 from core.chain.control.step_test import CommandLatency
-from core.chain.physics import learned_physics
 from core.events import Window
 from core.trajectory.learned_constants import LearnedConstants
 

@@ -9,7 +9,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from core.chain.control.decision import RacketDecision
+from core.chain.control.controller import RacketDecision
 from core.errors import ConfigError
 from core.learning.config import StateKind
 from core.learning.runs.run_files import load_policy, read_run

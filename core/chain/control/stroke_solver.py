@@ -78,6 +78,15 @@ def play_stroke(ball: Array, tilt: float, turn: float, speed: float, rubber: Sur
     """Landing x, y and height at the net of a ball state (9,) struck by a face of these angles; false if it fails.
 
     It fails if the racket does not meet the ball, or the ball does not fly over the net plane and come down.
+
+    Args:
+        ball: (9,) position, velocity and spin at the impact: m, m/s, rad/s, world.
+        tilt: angle of the face's normal below the horizontal, rad.
+        turn: angle of the normal to the left, rad.
+        speed: of the racket along +x, m/s.
+        rubber: the racket's surface.
+        air: the ball's air.
+        out: (3,) output: landing x and y, and height over the net plane, m.
     """
     s, end = ball.copy(), np.empty(9)
     normal = (math.cos(turn) * math.cos(tilt), math.sin(turn), -math.cos(turn) * math.sin(tilt))
@@ -139,7 +148,14 @@ def _step(problem: StrokeProblem, x: Array, reached: Array, damping: float, step
 
 @njit
 def solve_stroke(problem: StrokeProblem, start: Array, x: Array, best: Array) -> int:
-    """Write the stroke (3,) to `x` and what it reaches (3,) to `best`; the evaluations it took, 0 if none plays."""
+    """Write the stroke (3,) to `x` and what it reaches (3,) to `best`; the evaluations it took, 0 if none plays.
+
+    Args:
+        problem: ball, what is wanted, bounds, surface and air.
+        start: (3,) tilt, turn (rad) and speed (m/s) to begin with.
+        x: (3,) output: the stroke.
+        best: (3,) output: landing x and y, and height over the net plane, m.
+    """
     ball, wanted, low, high, rubber, air = problem
     trial, reached, step = np.empty(3), np.empty(3), np.empty(3)
     x[:] = start

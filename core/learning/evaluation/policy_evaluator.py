@@ -41,27 +41,27 @@ NET_PASSED_M = -1e-6
 
 
 def transition_of(
-    delivery: ServeBatch, action: Array, outcome: Outcomes, reward: float
+    batch: ServeBatch, action: Array, outcome: Outcomes, reward: float
 ) -> dict[str, NDArray[np.floating]]:
     """The replay row of one played ball (arrays of one row)."""
     missed = outcome.case[0] == Case.MISSED
     return {
-        "state": delivery.states[0],
-        "racket_speed": delivery.racket_speeds_mps,
-        "goal": delivery.goals_m[0],
+        "state": batch.states[0],
+        "racket_speed": batch.racket_speeds_mps,
+        "goal": batch.goals_m[0],
         "action": action,
         "reward": np.array([reward]),
         # After a miss there is no landing; nothing learns from it, it only must not be NaN.
-        "next_state": delivery.states[0] if missed else _known_exactly(outcome.landing_states[0], delivery),
+        "next_state": batch.states[0] if missed else _known_exactly(outcome.landing_states[0], batch),
         "case": np.array([float(outcome.case[0])]),
         "net_z": outcome.net_z_m,
         "known": really_seen(outcome)[0].astype(np.float64),
     }
 
 
-def _known_exactly(landing: Array, delivery: ServeBatch) -> Array:
-    """The state (9,) of a landing as a state of the kind that the delivery has, without any uncertainty."""
-    size = delivery.states.shape[1]
+def _known_exactly(landing: Array, batch: ServeBatch) -> Array:
+    """The state (9,) of a landing as a state of the kind that the batch has, without any uncertainty."""
+    size = batch.states.shape[1]
     return landing[:6] if size == 6 else np.concatenate([np.nan_to_num(landing), np.zeros(size - len(landing))])
 
 
@@ -82,7 +82,7 @@ def episode_line(
     episode: int,
     stage: int,
     stage_episode: int,
-    delivery: ServeBatch,
+    batch: ServeBatch,
     action: Array,
     noise: float,
     is_random: bool,
@@ -98,12 +98,12 @@ def episode_line(
         "episode": episode,
         "stage": stage,
         "stage_episode": stage_episode,
-        "speed_mps": delivery.speed_mps,
+        "speed_mps": batch.speed_mps,
         "case": int(outcome.case[0]),
         "reward": _plain(reward),
-        "error_mm": _plain(landing_errors_mm(outcome, delivery.goals_m)[0]),
+        "error_mm": _plain(landing_errors_mm(outcome, batch.goals_m)[0]),
         "landing_m": _plains(outcome.landings_m[0]),
-        "goal_m": _plains(delivery.goals_m[0]),
+        "goal_m": _plains(batch.goals_m[0]),
         "net_z_m": _plain(outcome.net_z_m[0]),
         "noise": _plain(noise),
         "random": is_random,
@@ -112,13 +112,13 @@ def episode_line(
         "buffer": buffer,
         "critic_loss": _plain(losses.critic),
         "actor_loss": _plain(losses.actor),
-        "serve": _plains(delivery.serves.states()[0]),
-        "state": _plains(delivery.states[0]),
+        "serve": _plains(batch.serves.states()[0]),
+        "state": _plains(batch.states[0]),
         "action": _plains(action),
-        "racket_speed_mps": _plain(racket_speeds_of(action[None], delivery.racket_speeds_mps)[0]),
+        "racket_speed_mps": _plain(racket_speeds_of(action[None], batch.racket_speeds_mps)[0]),
     }
-    if delivery.aim_ps_m is not None and delivery.aim_t_s is not None:
-        line["aim_m"], line["aim_t_s"] = _plains(delivery.aim_ps_m[0]), _plain(delivery.aim_t_s[0])
+    if batch.aim_ps_m is not None and batch.aim_t_s is not None:
+        line["aim_m"], line["aim_t_s"] = _plains(batch.aim_ps_m[0]), _plain(batch.aim_t_s[0])
     if kept is not None:
         line["kept"], line["dropped"] = kept.kept, kept.dropped
         if kept.cases:
@@ -195,8 +195,8 @@ class PolicyEvaluator:
     def balls(self, speed_mps: float, which: BallSet = "test") -> ServeBatch:
         """The fixed balls of a speed: what figures are reported on, or as many others to choose a policy by."""
         if (which, speed_mps) not in self._balls:
-            deal = evaluation_balls if which == "test" else validation_balls
-            balls = deal(speed_mps, self._count, self._config)
+            draw = evaluation_balls if which == "test" else validation_balls
+            balls = draw(speed_mps, self._count, self._config)
             self._balls[which, speed_mps] = observe_all(self._backend, balls) if self._is_shown_once else balls
         return self._balls[which, speed_mps]
 

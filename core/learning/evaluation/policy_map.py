@@ -109,11 +109,11 @@ def map_policy(
         engine="closed-form",
     )
     rng = np.random.default_rng([MAP_SEED, round(1000 * speed_mps)])
-    dealt = draw_serve_batch(speed_mps, serves, task, rng, "validation")
+    drawn = draw_serve_batch(speed_mps, serves, task, rng, "validation")
     targets, cell = target_grid()
-    count = len(dealt)  # of recorded balls there may be fewer
+    count = len(drawn)  # of recorded balls there may be fewer
     balls = dataclasses.replace(
-        dealt[np.tile(np.arange(count), len(targets))], goals_m=np.repeat(targets, count, axis=0)
+        drawn[np.tile(np.arange(count), len(targets))], goals_m=np.repeat(targets, count, axis=0)
     )
     outcomes = play(balls, policy(balls.states, balls.racket_speeds_mps, balls.goals_m), task)
     errors_mm = landing_errors_mm(outcomes, balls.goals_m).reshape(-1, count)

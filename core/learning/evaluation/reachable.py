@@ -62,25 +62,25 @@ def reachable(environment: EnvironmentConfig, speed_mps: float, balls: int = BAL
         RecordingError: if recorded balls cannot be read.
     """
     known = dataclasses.replace(environment, state_source="truth", outcomes="told", engine="closed-form")
-    dealt = validation_balls(speed_mps, balls, known)
+    drawn = validation_balls(speed_mps, balls, known)
     chooses = environment.racket == "chosen"
     speeds = np.linspace(-1, 1, SPEEDS) if chooses else np.zeros(1)
     sides = np.linspace(-1, 1, TILTS), np.linspace(-1, 1, TURNS), speeds
     strokes = np.array([(0.0, b, c, v) for b in sides[0] for c in sides[1] for v in sides[2]])[:, : 4 if chooses else 3]
-    left = np.arange(len(dealt))
+    left = np.arange(len(drawn))
     for stroke in strokes[np.random.default_rng(0).permutation(len(strokes))]:  # most are returned early
         if not len(left):
             break
-        some = dealt[left]
+        some = drawn[left]
         left = left[~play(some, np.tile(stroke, (len(left), 1)), known).returned]
-    arriving = dealt.arrivals.states
+    arriving = drawn.arrivals.states
     falling = np.degrees(np.arctan2(-arriving[:, 5], -arriving[:, 3]))
     limit = f"+-{environment.task.stroke.action_limit_deg:g} degrees"
-    low, high = CHOSEN_MPS if chooses else (float(dealt.racket_speeds_mps.min()), float(dealt.racket_speeds_mps.max()))
+    low, high = CHOSEN_MPS if chooses else (float(drawn.racket_speeds_mps.min()), float(drawn.racket_speeds_mps.max()))
     speed = f"{low:.1f} m/s" if math.isclose(low, high) else f"{low:.1f} to {high:.1f} m/s"
     return Reachable(
         speed_mps,
-        1 - len(left) / len(dealt),
+        1 - len(left) / len(drawn),
         float(np.median(arriving[:, 2])),
         float(np.median(falling)),
         f"{limit}, {speed}",

@@ -20,24 +20,22 @@ from core.jobs.control import one_torch_thread
 from core.learning.agents.policy import Policy, save_policy
 from core.learning.config import RunConfig
 from core.learning.evaluation.policy_evaluator import PolicyEvaluator
-from core.learning.runs.control import (
+from core.learning.runs.run_files import (
     Control,
     RunStatus,
-    State,
-    hold_run,
-    read_control,
-    read_status,
-    write_control,
-    write_status,
-)
-from core.learning.runs.run_files import (
     SeedFiles,
     SeedWriter,
+    State,
+    hold_run,
     load_checkpoint,
+    read_control,
     read_lines,
     read_run,
+    read_status,
     save_checkpoint,
     seed_files,
+    write_control,
+    write_status,
 )
 from core.learning.runs.training import Training
 from core.learning.task.environment import EpisodeBackend

@@ -90,8 +90,8 @@ class Sb3Environment(OneStepReturn):
     ) -> None:
         speed, episodes = config.curriculum.speeds_mps[stage], config.curriculum.episodes[stage]
         rng = np.random.default_rng([seed, BALLS, stage])
-        dealt = draw_serve_batch(speed, episodes, config.environment, rng)
-        super().__init__(speed, config.environment, config.reward, dealt, backend)
+        drawn = draw_serve_batch(speed, episodes, config.environment, rng)
+        super().__init__(speed, config.environment, config.reward, drawn, backend)
         self.agent = f"the agent {config.agent}, seed {seed},"
         self.stage = stage
         self.stage_episode = 0
@@ -102,8 +102,8 @@ class Sb3Environment(OneStepReturn):
     def step(self, action: Floats) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
         """Step as the environment itself does; `line` then holds the episode."""
         answer = super().step(action)
-        delivery: ServeBatch | None = self._now
-        assert delivery is not None
+        batch: ServeBatch | None = self._now
+        assert batch is not None
         wanted = np.asarray(action, np.float64).reshape(1, 3)
         weights = reward_weights(self.stage_episode, self.reward)
         outcome = self.outcome
@@ -112,12 +112,12 @@ class Sb3Environment(OneStepReturn):
             episode=self._first_episode + self.stage_episode,
             stage=self.stage,
             stage_episode=self.stage_episode,
-            delivery=delivery,
+            batch=batch,
             action=np.clip(wanted[0], -1, 1),
             noise=math.nan,
             is_random=False,
             outcome=outcome,
-            reward=float(episode_rewards(outcome, delivery.goals_m, weights, self.reward)[0]),
+            reward=float(episode_rewards(outcome, batch.goals_m, weights, self.reward)[0]),
             weights=weights,
             buffer=0,
             kept=ReplayStart(0, 0) if self.stage_episode == 0 else None,

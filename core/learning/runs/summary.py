@@ -88,8 +88,8 @@ def evaluate_run(
             if backend is None:
                 scores.append(evaluator.score(policy, speed))
             else:
-                dealt = evaluation_balls(speed, balls or config.evaluation_balls, environment)
-                scores.append(score_played(backend, policy, dealt, show))
+                drawn = evaluation_balls(speed, balls or config.evaluation_balls, environment)
+                scores.append(score_played(backend, policy, drawn, show))
             done += 1
         row = summarise_scores(scores)
         row["episodes"] = config.episodes

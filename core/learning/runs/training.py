@@ -52,7 +52,7 @@ class Training:
         self._stage_episode = 0
         self._recent = np.zeros(config.curriculum.converged_window, np.bool_)
         self._kept: ReplayStart | None = None
-        self._deliveries = self._deal()
+        self._batch = self._draw_batch()
 
     @property
     def finished(self) -> bool:
@@ -82,16 +82,16 @@ class Training:
         exploration, curriculum = self.config.exploration, self.config.curriculum
         noise = exploration.noise_at(n)
         is_random = self.episode < exploration.random_episodes
-        delivery = self._backend.observe(self._deliveries[n : n + 1])
-        action = self._exploratory_action(delivery, noise, is_random)
+        batch = self._backend.observe(self._batch[n : n + 1])
+        action = self._exploratory_action(batch, noise, is_random)
         check_actions(action, self._action_size, f"the agent {self.config.agent}, seed {self.seed},", self.episode)
-        outcome = self._backend.play(delivery, action)
+        outcome = self._backend.play(batch, action)
         weights = reward_weights(n, self.config.reward)
         where = f"episode {self.episode}, seed {self.seed}"
-        reward = float(episode_rewards(outcome, delivery.goals_m, weights, self.config.reward, where=where)[0])
+        reward = float(episode_rewards(outcome, batch.goals_m, weights, self.config.reward, where=where)[0])
         losses = Losses(float("nan"), float("nan"))
-        if delivery.seen[0]:
-            self._buffer.add(transition_of(delivery, action[0], outcome, reward))
+        if batch.seen[0]:
+            self._buffer.add(transition_of(batch, action[0], outcome, reward))
         if len(self._buffer):
             progress = StageProgress(n, n / curriculum.episodes[stage], weights)
             losses = self._agent.learn(self._buffer, progress, self._rng)
@@ -99,7 +99,7 @@ class Training:
             episode=self.episode,
             stage=stage,
             stage_episode=n,
-            delivery=delivery,
+            batch=batch,
             action=action[0],
             noise=noise,
             is_random=is_random,
@@ -117,13 +117,13 @@ class Training:
             self._next_stage()
         return line
 
-    def _exploratory_action(self, delivery: ServeBatch, noise: float, is_random: bool) -> NDArray[np.float64]:
+    def _exploratory_action(self, batch: ServeBatch, noise: float, is_random: bool) -> NDArray[np.float64]:
         """The policy's action with noise, or a random one; both are always drawn, so that options can be compared."""
         size = (1, self._action_size)
         uniform, normal = self._rng.uniform(-1, 1, size), self._rng.standard_normal(size)
         if is_random:
             return uniform
-        action = self._agent.act(delivery.states, delivery.racket_speeds_mps, delivery.goals_m)
+        action = self._agent.act(batch.states, batch.racket_speeds_mps, batch.goals_m)
         return np.clip(action + noise * normal, -1, 1)
 
     def _stage_is_over(self) -> bool:
@@ -139,9 +139,9 @@ class Training:
         self._recent[:] = False
         if not self.finished:
             self._kept = start_stage(self._buffer, self.config.curriculum)
-            self._deliveries = self._deal()
+            self._batch = self._draw_batch()
 
-    def _deal(self) -> ServeBatch:
+    def _draw_batch(self) -> ServeBatch:
         """Draw all balls of this stage, the same for every agent with this seed."""
         curriculum = self.config.curriculum
         rng = np.random.default_rng([self.seed, BALLS, self._stage])
@@ -204,7 +204,7 @@ class Training:
         self._kept = None if kept is None else ReplayStart(*kept, cases)  # type: ignore[misc]
         self._rng.bit_generator.state = about["random"]  # type: ignore[assignment]
         if not self.finished and self._stage > 0:
-            self._deliveries = self._deal()
+            self._batch = self._draw_batch()
 
 
 def make_agent(config: RunConfig, rng: np.random.Generator) -> Agent:

@@ -1,6 +1,6 @@
 """The one-step task for many balls at once: sample serves, observe them, play strokes.
 
-A delivery holds everything random about an episode (the serve, the target, the noise), so that playing an action is
+A batch holds everything random about an episode (the serve, the target, the noise), so that playing an action is
 deterministic: the same balls evaluate every policy, and a resumed run meets the same ones.
 
 Backends that observe and play balls: the closed-form simulator, which needs microseconds, or something slower that
@@ -8,7 +8,7 @@ plays the same task, ball by ball: through the event cameras, or in a simulation
 
 Balls of human play in place of drawn serves: read once, split by flight into training, validation and test. Every state
 in a file begins a flight of its own, so a flight is never on both sides. Neighbours in a file may be strokes of one
-rally: they stay together in blocks, and whole blocks are dealt to the parts, always in the same way.
+rally: they stay together in blocks, and whole blocks are assigned to the parts, always in the same way.
 """
 
 from __future__ import annotations
@@ -77,11 +77,11 @@ class EpisodeBackend(Protocol):
         """Restart: equal seeds then give equal observations of equal balls."""
         ...
 
-    def observe(self, delivery: ServeBatch) -> ServeBatch:
-        """Serve the one ball of `delivery`; returns it with the observations up to the decision."""
+    def observe(self, batch: ServeBatch) -> ServeBatch:
+        """Serve the one ball of `batch`; returns it with the observations up to the decision."""
         ...
 
-    def play(self, delivery: ServeBatch, action: Array) -> Outcomes:
+    def play(self, batch: ServeBatch, action: Array) -> Outcomes:
         """Outcome of the action (1, 3) on the observed ball."""
         ...
 
@@ -106,25 +106,25 @@ class ClosedFormBackend:
     def begin(self, seed: int) -> None:
         """Do nothing: nothing is random here."""
 
-    def observe(self, delivery: ServeBatch) -> ServeBatch:
+    def observe(self, batch: ServeBatch) -> ServeBatch:
         """Return the batch, which already contains its observations."""
-        return delivery
+        return batch
 
-    def play(self, delivery: ServeBatch, action: Array) -> Outcomes:
+    def play(self, batch: ServeBatch, action: Array) -> Outcomes:
         """Play the balls as `environment.play` does."""
-        return play(delivery, action, self._config)
+        return play(batch, action, self._config)
 
     def close(self) -> None:
         """Do nothing."""
 
 
-def observe_all(backend: EpisodeBackend, deliveries: ServeBatch) -> ServeBatch:
+def observe_all(backend: EpisodeBackend, batch: ServeBatch) -> ServeBatch:
     """Observe many balls, to be played in closed form: observations do not depend on the action."""
-    observed = [backend.observe(deliveries[i : i + 1]) for i in range(len(deliveries))]
+    observed = [backend.observe(batch[i : i + 1]) for i in range(len(batch))]
     aims = [(one.aim_ps_m, one.aim_t_s) for one in observed]
     known = [(p, t) for p, t in aims if p is not None and t is not None]
     return dataclasses.replace(
-        deliveries,
+        batch,
         seen=np.concatenate([one.seen for one in observed]),
         states=np.concatenate([one.states for one in observed]),
         aim_ps_m=np.concatenate([p for p, _ in known]) if len(known) == len(observed) else None,
@@ -181,8 +181,8 @@ def part_of_flights(count: int) -> NDArray[np.int8]:
     """(N,) the place in PARTS of each flight of a file."""
     blocks = -(-count // BLOCK)
     edges = np.round(np.cumsum(SHARES) * blocks).astype(int)
-    dealt = np.searchsorted(edges, np.random.default_rng(SPLIT_SEED).permutation(blocks), side="right")
-    return np.repeat(dealt, BLOCK)[:count].astype(np.int8)
+    parts = np.searchsorted(edges, np.random.default_rng(SPLIT_SEED).permutation(blocks), side="right")
+    return np.repeat(parts, BLOCK)[:count].astype(np.int8)
 
 
 @functools.lru_cache(maxsize=4)
@@ -256,6 +256,13 @@ def draw_serve_batch(
     Recorded balls have speeds of their own: of them `count` of the `part`, for training as often as it takes, for
     validation and test each once, so perhaps fewer.
 
+    Args:
+        speed_mps: of the serves at the launcher.
+        count: number of balls.
+        config: the task.
+        rng: source of random numbers.
+        part: which recorded balls.
+
     Raises:
         ConfigError: if there are no serves of this speed, or no recorded balls.
         RecordingError: if recorded balls cannot be read.
@@ -296,14 +303,14 @@ def draw_goals(count: int, config: GoalConfig, rng: np.random.Generator) -> Arra
     return rng.uniform(low, (config.high_x_m, config.half_width_m), (count, 2))
 
 
-def play(deliveries: ServeBatch, actions: Array, config: EnvironmentConfig) -> Outcomes:
+def play(batch: ServeBatch, actions: Array, config: EnvironmentConfig) -> Outcomes:
     """Outcomes of actions (N, 3) in [-1, 1], one per ball; rows are independent."""
-    strokes = strokes_of(deliveries, actions, config)
+    strokes = strokes_of(batch, actions, config)
     if config.engine == "mujoco":
         from core.simulation.episodes.mujoco_rally import simulate_episodes_mujoco
 
-        return simulate_episodes_mujoco(deliveries.serves, strokes, config.task, dt_s=config.step_s)
-    return return_balls(deliveries.arrivals, strokes, config.task)
+        return simulate_episodes_mujoco(batch.serves, strokes, config.task, dt_s=config.step_s)
+    return return_balls(batch.arrivals, strokes, config.task)
 
 
 def check_actions(actions: NDArray[np.floating], size: int, who: str, episode: int = 0) -> Array:
@@ -344,22 +351,22 @@ def racket_speeds_of(actions: Array, racket_speeds_mps: Array) -> Array:
     return low + (high - low) * (np.clip(actions[:, 3], -1, 1) + 1) / 2
 
 
-def strokes_of(deliveries: ServeBatch, actions: Array, config: EnvironmentConfig) -> Strokes:
+def strokes_of(batch: ServeBatch, actions: Array, config: EnvironmentConfig) -> Strokes:
     """The strokes that actions (N, 3), or (N, 4) with the racket's speed, become.
 
     Clipped, with the actuator's error, as far as there is time to turn.
     """
     actions = check_actions(actions, np.shape(actions)[-1], "the agent")
-    real = np.clip(actions[:, :3], -1, 1) + deliveries.action_errors
-    if deliveries.turn_s is not None:
+    real = np.clip(actions[:, :3], -1, 1) + batch.action_errors
+    if batch.turn_s is not None:
         angles_rad = np.radians(config.task.stroke.action_limit_deg) * real
-        real = real * turned_share(angles_rad, np.nan_to_num(deliveries.turn_s))[:, None]
+        real = real * turned_share(angles_rad, np.nan_to_num(batch.turn_s))[:, None]
     return strokes_from_actions(
         real,
-        racket_speeds_of(actions, deliveries.racket_speeds_mps),
+        racket_speeds_of(actions, batch.racket_speeds_mps),
         config.task.stroke,
-        aim_ps_m=deliveries.aim_ps_m,
-        aim_t_s=deliveries.aim_t_s,
+        aim_ps_m=batch.aim_ps_m,
+        aim_t_s=batch.aim_t_s,
     )
 
 
@@ -377,13 +384,13 @@ def _fixed_balls(seed: int, speed_mps: float, count: int, config: EnvironmentCon
     """Fixed balls, cached for all seeds of a process: timed perception of 500 balls takes as long as training on
     them.
     """
-    made = _deal if config.recorded else _deal_once  # recorded files may change
+    made = _draw_batch if config.recorded else _draw_batch_once  # recorded files may change
     return made(seed, speed_mps, count, config, part)
 
 
-def _deal(seed: int, speed_mps: float, count: int, config: EnvironmentConfig, part: BallPart) -> ServeBatch:
+def _draw_batch(seed: int, speed_mps: float, count: int, config: EnvironmentConfig, part: BallPart) -> ServeBatch:
     rng = np.random.default_rng([seed, round(1000 * speed_mps)])
     return draw_serve_batch(speed_mps, count, config, rng, part)
 
 
-_deal_once = functools.lru_cache(maxsize=16)(_deal)
+_draw_batch_once = functools.lru_cache(maxsize=16)(_draw_batch)

@@ -49,6 +49,15 @@ def rewards_of(
 ) -> Array:
     """Rewards (N,) from the parts of an outcome: case (N,), landing (N, 2), m, height at the net (N,), m.
 
+    Args:
+        case: (N,) values of `Case`.
+        landings_m: (N, 2) landing points in the table's plane.
+        net_z_m: (N,) height over the net's plane.
+        goals_m: (N, 2) targets.
+        weights: of accuracy and return, as the episode has them.
+        config: kind and constants of the reward.
+        where: place for the error's message.
+
     Raises:
         AgentError: if the reward gives anything but a finite number for each.
     """

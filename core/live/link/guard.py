@@ -190,7 +190,7 @@ class LinkGateway:
             socket = context.socket(zmq.REP)
             socket.setsockopt(zmq.LINGER, 0)
             socket.bind(ZAP_ADDRESS)
-            self._thread = threading.Thread(target=self._run, args=(socket,), name="link-door", daemon=True)
+            self._thread = threading.Thread(target=self._run, args=(socket,), name="link-gateway", daemon=True)
             self._thread.start()
 
     def guard(self, socket: zmq.Socket) -> None:

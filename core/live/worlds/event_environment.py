@@ -8,7 +8,6 @@ on in blocks of 10 ms, and only then are its events seen.
 from __future__ import annotations
 
 import dataclasses
-import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -17,25 +16,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras import Camera, stereo_preset
-from core.chain.block_windows import block_windows
 from core.chain.chain import ChainState, RallyChain
-from core.chain.config import ChainConfig
-from core.chain.physics import chain_for_physics
+from core.chain.config import ChainConfig, chain_for_physics
 from core.config import check_settings, setting
 from core.errors import ConfigError
 from core.learning.config import EnvironmentConfig, RewardConfig
 from core.learning.gym_environment import OneStepReturn
-from core.learning.task.environment import ServeBatch, strokes_of
-from core.learning.task.normalise import STATE_SIZES
-from core.learning.task.perception import state_of
-from core.live.worlds.outcomes import outcomes_of
+from core.learning.task.environment import ServeBatch
 from core.live.worlds.world import Block, ClassifiedBall, SimulatedWorld, WorldConfig
+from core.outcomes.perceived_backend import aim_racket, newest_prediction, with_prediction, without_prediction
 from core.physics.episode import Outcomes
-from core.simulation.episodes.racket import target_for_ball
+from core.simulation.episodes.ball_outcome import outcomes_of
 from core.trajectory import HitPlane, predictor_for
 
 Array = NDArray[np.float64]
-logger = logging.getLogger(__name__)
 
 LONGEST_BALL_S: Final = 5.0
 """No ball takes longer from the serve to its outcome."""
@@ -99,10 +93,10 @@ class EventCameraBackend:
         self.world = SimulatedWorld(self._world_config, self._cameras, seed)
         self._seed, self._served_s, self._judged = seed, 0.0, None
 
-    def observe(self, delivery: ServeBatch) -> ServeBatch:
-        """Serve the ball of `delivery` and watch it until the stroke has to be decided."""
+    def observe(self, batch: ServeBatch) -> ServeBatch:
+        """Serve the ball of `batch` and watch it until the stroke has to be decided."""
         self._rest()
-        serves = delivery.serves
+        serves = batch.serves
         self._served_s = self.world.serve(serves.ps_m[0], serves.vs_mps[0], serves.spins_radps[0]).t_s
         self._chain.reset()
         self._judged = None
@@ -111,20 +105,15 @@ class EventCameraBackend:
             newest = self._watch(self._advance())
             if newest is not None:
                 seen = newest
-                self._aim(self._as_delivered(delivery, seen), np.zeros((1, 3)))
+                self._aim(self._as_observed(batch, seen), np.zeros((1, 3)))
             if seen is not None and seen.t_s - self.world.now_us * 1e-6 < self._config.lead_ms * 1e-3:
-                return self._as_delivered(delivery, seen)
-        # Never seen, or never predicted to come: an outcome is all there is.
-        nothing = np.full((1, 3), np.nan), np.full(1, np.nan)
-        states = np.zeros((1, STATE_SIZES[self._environment.state]))
-        return dataclasses.replace(
-            delivery, seen=np.array([False]), states=states, aim_ps_m=nothing[0], aim_t_s=nothing[1]
-        )
+                return self._as_observed(batch, seen)
+        return without_prediction(batch, self._environment)
 
-    def play(self, delivery: ServeBatch, action: Array) -> Outcomes:
+    def play(self, batch: ServeBatch, action: Array) -> Outcomes:
         """Send the racket and wait for the outcome."""
-        if delivery.seen[0]:
-            self._aim(delivery, action)
+        if batch.seen[0]:
+            self._aim(batch, action)
         while self._judged is None:
             self._advance()
             if self.world.now_us * 1e-6 > self._served_s + LONGEST_BALL_S:
@@ -144,35 +133,18 @@ class EventCameraBackend:
 
     def _watch(self, block: Block) -> HitPlane | None:
         """Process a block's events; returns the newest prediction."""
-        window_us = round(1000 * self._config.window_ms)
-        found = None
-        for windows in block_windows(block.events, block.start_us, block.end_us, window_us):
-            state = self._chain.step(windows)
+
+        def note(state: ChainState) -> None:
             if self._on_step is not None:
                 self._on_step(state, self._served_s)
-            if state.is_new and state.prediction is not None and state.prediction.hit_plane is not None:
-                found = state.prediction.hit_plane
-        return found
 
-    def _as_delivered(self, delivery: ServeBatch, seen: HitPlane) -> ServeBatch:
-        p = seen.p_world_m
-        return dataclasses.replace(
-            delivery,
-            seen=np.array([True]),
-            states=state_of(seen, self._environment.state)[None],
-            aim_ps_m=p[None].copy(),
-            aim_t_s=np.array([seen.t_s - self._served_s]),
-        )
+        return newest_prediction(self._chain, block, round(1000 * self._config.window_ms), note)
 
-    def _aim(self, delivery: ServeBatch, action: Array) -> None:
-        """Let the racket meet the expected ball with this action's orientation, if it can."""
-        strokes = strokes_of(delivery, action, self._environment)
-        assert strokes.aim_ps_m is not None and strokes.aim_t_s is not None
-        t_s = self._served_s + float(strokes.aim_t_s[0])
-        try:
-            self.world.aim(target_for_ball(strokes.aim_ps_m[0], strokes.qs_wxyz[0], strokes.vs_mps[0], t_s))
-        except ConfigError as error:
-            logger.info("racket target refused: %s", error)
+    def _as_observed(self, batch: ServeBatch, seen: HitPlane) -> ServeBatch:
+        return with_prediction(batch, seen, self._served_s, self._environment)
+
+    def _aim(self, batch: ServeBatch, action: Array) -> None:
+        aim_racket(self.world.aim, batch, action, self._served_s, self._environment)
 
     def _rest(self) -> None:
         """Send the racket back and let the last ball roll out."""

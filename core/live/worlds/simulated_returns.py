@@ -19,8 +19,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from core.chain.control.controller import BuiltInController, ControllerConfig
-from core.chain.control.decision import RacketDecision
+from core.chain.control.controller import BuiltInController, ControllerConfig, RacketDecision
 from core.config import check_settings, setting
 from core.errors import ConfigError
 from core.extras import require_package

@@ -1,9 +1,17 @@
 """Event files of others: one file per format, all giving an `EventSource`; `open_sources` recognises which it is."""
 
-from core.recordings.sources.making import make_source
+from core.recordings.sources.making import make_source, make_table_source
 from core.recordings.sources.readers import register_reader
 from core.recordings.sources.recognise import open_sources
-from core.recordings.sources.source import BINARY_FACTS, Columns, DecodeReport, EventSource, Fact, Whence
+from core.recordings.sources.source import (
+    BINARY_FACTS,
+    Columns,
+    DecodeReport,
+    EventSource,
+    Fact,
+    RawColumns,
+    Whence,
+)
 
 __all__ = [
     "BINARY_FACTS",
@@ -11,8 +19,10 @@ __all__ = [
     "DecodeReport",
     "EventSource",
     "Fact",
+    "RawColumns",
     "Whence",
     "make_source",
+    "make_table_source",
     "open_sources",
     "register_reader",
 ]

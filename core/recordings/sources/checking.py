@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from core.errors import RecordingError
 from core.events import Events, SensorSize
+from core.foreign_tables import allowed_odd
 from core.recordings.layout import MAX_TIME_US
 from core.recordings.sources.source import Columns, DecodeReport
 from core.recordings.sources.values import sifting
@@ -23,10 +24,6 @@ STREAM_PAUSE_US: Final = 600_000_000
 """Ten minutes without one event: in a binary stream rather a damaged time stamp."""
 DISORDER_US: Final = 1_000_000
 """The rows of a table are sorted if none comes later than this."""
-MAX_LEFT_OUT: Final = 0.01
-"""Share of the events beside the sensor, or of wrong time, from which it is not those events that are wrong."""
-FEW_LEFT_OUT: Final = 3
-"""So many are never too many: a tiny file may have one odd row."""
 _MIN_ROWS: Final = 1 << 14
 """Parts are judged together up to this number, so that there are neighbours to look at."""
 NO_WRAPS: Final[tuple[int, ...]] = ()
@@ -106,7 +103,7 @@ def refuse_many_outside(outside: int, total: int, sensor: SensorSize, largest: t
     Raises:
         RecordingError: naming the size that would hold them all.
     """
-    if outside <= max(FEW_LEFT_OUT, MAX_LEFT_OUT * total):
+    if outside <= allowed_odd(total):
         return
     expected, remedy = _likeliest_size(sensor, largest)
     raise RecordingError(
@@ -218,7 +215,7 @@ class _Check:
         where = self.where
         total = good + stray + outside + damaged
         refuse_many_outside(outside, total, self.sensor, largest, where)
-        if self.table and stray + damaged > max(FEW_LEFT_OUT, MAX_LEFT_OUT * total):
+        if self.table and stray + damaged > allowed_odd(total):
             what = f"the times of {stray + damaged:,} of {total:,} events lie apart from those of their neighbours"
             raise RecordingError(what, where=where, remedy="check which column is the time, and sort the events by it")
         report = self.report

@@ -18,11 +18,10 @@ import numpy as np
 
 from core.errors import RecordingError
 from core.events import SensorSize
+from core.foreign_tables import ODD_SHARE, allowed_odd
 from core.jit import njit
 from core.recordings.sources.checking import (
     CUT_SHORT,
-    FEW_LEFT_OUT,
-    MAX_LEFT_OUT,
     OUTSIDE,
     check_stream,
     outside_note,
@@ -99,7 +98,7 @@ def _decode(path: Path, frame: _Frame, report: DecodeReport) -> Iterator[Columns
     outside, largest = int(state[_OUTSIDE]), (int(state[_MAX_X]), int(state[_MAX_Y]))
     refuse_many_outside(outside, events + outside, size, largest, path.name)
     lost, places = int(state[_LOST_BYTES]), int(state[_GAPS])
-    if lost > MAX_LEFT_OUT * len(data):
+    if lost > ODD_SHARE * len(data):
         _refuse_wrong_size(data, size, atis, path)
     report.leave_out(OUTSIDE, outside, outside_note(outside, size, largest, path.name))
     note = f"{path.name}: {lost:,} bytes in {places:,} places are no events and were left out; how much time they took"
@@ -116,7 +115,7 @@ def _refuse_wrong_size(data: np.memmap, size: SensorSize, atis: bool, path: Path
         RecordingError: naming the size that would hold them.
     """
     found = _beyond(data, size, atis)
-    if found.lost_bytes <= MAX_LEFT_OUT * len(data):
+    if found.lost_bytes <= ODD_SHARE * len(data):
         refuse_many_outside(found.beyond, found.events, size, found.largest, path.name)
 
 
@@ -125,7 +124,7 @@ def _fits(path: Path, size: SensorSize, atis: bool) -> bool:
     if path.stat().st_size == _HEADER.size:
         return True
     found = _beyond(np.memmap(path, np.uint8, "r", _HEADER.size), size, atis)
-    return found.beyond <= max(FEW_LEFT_OUT, MAX_LEFT_OUT * found.events)
+    return found.beyond <= allowed_odd(found.events)
 
 
 class _Beyond(NamedTuple):

@@ -11,8 +11,8 @@ from typing import Final, TypeVar
 import h5py
 
 from core.errors import RecordingError
+from core.foreign_tables import UNITS_US
 from core.recordings.sources.source import Columns, DecodeReport, RawColumns
-from core.recordings.sources.values.table_values import UNITS_US
 
 UNREADABLE: Final = (OSError, ValueError, RuntimeError)
 ROWS: Final = 1 << 18

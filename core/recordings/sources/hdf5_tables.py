@@ -4,6 +4,8 @@
 /davis/{left, right}/events                      MVSEC: rows of x, y, t in s, polarity -1 or 1
 /events/{xs, ys, ts, ps}, sensor_resolution      the unit of ts is told from its values
 /raw_events/{x, y, t, p}                         likewise
+/events (N, 4): t in us, x, y, polarity          v2e, or another order that the values tell; /frame (M, height, width),
+                                                 if there, tells the size
 any group of columns, any dataset of records     whose names are those of `table_columns`; several are several cameras
 """
 
@@ -20,20 +22,17 @@ import numpy as np
 
 from core.errors import RecordingError
 from core.events import SensorSize
+from core.foreign_tables import UNIT_NAMES, time_unit
 from core.recordings.hdf5 import dataset_at, group_at
-from core.recordings.sources.hdf5_reading import UNREADABLE, read_in_parts, unit_by_index
+from core.recordings.sources.hdf5_reading import UNREADABLE, explain, read_in_parts, unit_by_index
 from core.recordings.sources.making import make_table_source
 from core.recordings.sources.source import DecodeReport, EventSource, RawColumns, Whence
 from core.recordings.sources.table_columns import find_columns, unit_of_name
 from core.recordings.sources.values.stated_sizes import size_in_attributes
-from core.recordings.sources.values.table_values import UNIT_NAMES, Survey, survey
+from core.recordings.sources.values.table_order import TableOrder, guess_columns
+from core.recordings.sources.values.table_values import Survey, survey
 
 _COLUMNS: Final = ("t", "x", "y", "p")
-_UNIT_WORDS: Final = {
-    "second": "s", "millisecond": "ms", "microsecond": "us", "nanosecond": "ns", "µ": "us", "μ": "us", "u": "us",
-    "usec": "us", "nsec": "ns", "msec": "ms", "sec": "s", "n": "ns", "m": "ms", "": "s",
-}  # fmt: skip
-"""Names of units without an s at their end."""
 _UNIT_ATTRIBUTES: Final = ("unit", "units", "time_unit", "time_units", "timestamp_unit", "timestamps_unit")
 _LABELS: Final[dict[tuple[str, tuple[str, ...]], str]] = {
     ("events", ("t", "x", "y", "p")): "DSEC HDF5",
@@ -43,6 +42,8 @@ _LABELS: Final[dict[tuple[str, tuple[str, ...]], str]] = {
 _DSEC_SENSOR: Final = SensorSize(640, 480)
 _MVSEC_SENSOR: Final = SensorSize(346, 260)
 _MOST_TABLES: Final = 16
+_V2E_ORDER: Final = TableOrder({"t": 0, "x": 1, "y": 2, "p": 3}, seconds=False)
+_SAMPLE_ROWS: Final = 10_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +94,9 @@ def open_hdf5_table(path: Path, sensor: SensorSize | None) -> list[EventSource] 
         RecordingError: if the columns do not fit together.
     """
     with h5py.File(path, "r") as file:
+        events = file.get("events")
+        if isinstance(events, h5py.Dataset) and not events.dtype.names:
+            return [_open_rows(path, file, sensor)]
         if "davis" in file:
             return _open_mvsec(path, group_at(file, "davis"), sensor)
         tables = _find_tables(file)
@@ -179,12 +183,49 @@ def _stated_unit(holders: list[h5py.Group | h5py.Dataset]) -> str | None:
         for name in _UNIT_ATTRIBUTES:
             value = np.asarray(holder.attrs.get(name, "")).reshape(-1)
             word = value[0].decode("latin-1") if value.size and isinstance(value[0], bytes) else str(*value[:1])
-            unit = _UNIT_WORDS.get(word.strip().lower().removesuffix("s")) if word.strip() else None
+            unit = time_unit(word)
             if unit is None and word.strip() and (holder is holders[0] or "time" in name):
                 return word.strip()  # of the times, and none that is known: refused by this name
             if unit is not None:
                 return unit
     return None
+
+
+def _open_rows(path: Path, file: h5py.File, sensor: SensorSize | None) -> EventSource:
+    """The rows of /events, four numbers each: v2e's t, x, y, polarity unless the values say otherwise."""
+    events = dataset_at(file, "events")
+    upright = events.ndim == 2 and events.shape[0] == 4 != events.shape[1]
+    if events.ndim != 2 or 4 not in events.shape or events.dtype.kind not in "iuf":
+        got = f"{events.dtype}{events.shape}"
+        raise RecordingError(
+            "/events holds no rows of events", expected="numbers (N, 4): t, x, y, p", got=got, where=path
+        )
+    count = events.shape[1] if upright else len(events)
+    frames = file.get("frame")
+    if sensor is None and isinstance(frames, h5py.Dataset) and frames.ndim == 3:
+        sensor = SensorSize(int(frames.shape[2]), int(frames.shape[1]))
+    sensor = sensor or size_in_attributes(dict(events.attrs)) or size_in_attributes(dict(file.attrs))
+    with suppress(ImportError):
+        importlib.import_module("hdf5plugin")
+    try:
+        sample = events[:, :_SAMPLE_ROWS].T if upright else events[:_SAMPLE_ROWS]
+        order = guess_columns(sample, where=f"{path}, /events")
+    except RecordingError:  # a few rows, or times that do not tell: then it is as v2e writes it
+        order = _V2E_ORDER
+    except UNREADABLE as error:
+        raise RecordingError("the events cannot be read", got=explain(error), where=path) from error
+    places = order.places
+
+    def rows(file: h5py.File, first: int, last: int) -> RawColumns:
+        events = dataset_at(file, "events")
+        part = events[:, first:last] if upright else np.asarray(events[first:last]).T
+        return RawColumns(*(part[places[name]] for name in _COLUMNS))
+
+    label = "v2e HDF5" if order.places == _V2E_ORDER.places else "HDF5 of rows"
+    return make_table_source(
+        path, "camera", label, sensor, lambda report: read_in_parts(path, rows, count, report),
+        assumed=(f"{path.name}: the columns of /events are taken for {order.text}.",),
+    )  # fmt: skip
 
 
 def _open_mvsec(path: Path, davis: h5py.Group, sensor: SensorSize | None) -> list[EventSource]:

@@ -8,7 +8,8 @@ from typing import Protocol
 
 from core.errors import RecordingError
 from core.events import Events, SensorSize
-from core.recordings.sources.checking import FEW_LEFT_OUT, MAX_LEFT_OUT, check_stream, check_table
+from core.foreign_tables import allowed_odd
+from core.recordings.sources.checking import check_stream, check_table
 from core.recordings.sources.source import (
     BINARY_FACTS,
     Columns,
@@ -101,7 +102,7 @@ def make_table_source(
             columns, left_out = meaning.columns(part)
             odd, total = odd + left_out, total + len(part.t)
             yield columns
-        if odd > max(FEW_LEFT_OUT, MAX_LEFT_OUT * total):
+        if odd > allowed_odd(total):
             what = f"{odd:,} of {total:,} events have a time or a polarity that is none"
             raise RecordingError(what, where=path, remedy="check the columns of the file")
         note = f"{path.name}: {odd:,} events were left out: their times or polarities are no such."

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from core.errors import RecordingError
 from core.events import SensorSize
+from core.foreign_tables import UNITS_US
 from core.recordings.sources.making import make_table_source
 from core.recordings.sources.source import DecodeReport, EventSource, RawColumns
 from core.recordings.sources.table_columns import find_columns, unit_of_name
 from core.recordings.sources.values.stated_sizes import size_in_attributes
 from core.recordings.sources.values.table_order import guess_columns
-from core.recordings.sources.values.table_values import UNITS_US
 
 _ROWS: Final = 1 << 18
 BROKEN: Final = (OSError, ValueError, EOFError, zipfile.BadZipFile, KeyError, NotImplementedError)
@@ -57,6 +57,36 @@ def open_numpy(path: Path, sensor: SensorSize | None) -> list[EventSource]:
             unit=unit, assumed=assumed,
         )
     ]  # fmt: skip
+
+
+def open_archive(path: Path, sensor: SensorSize | None) -> list[EventSource]:
+    """The one camera of an archive.
+
+    Raises:
+        RecordingError: if it is an archive of PyTorch or of no arrays, or no events are found in it.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = archive.namelist()
+    except BROKEN:
+        members = []
+    if members and not any(name.endswith((".npy", ".pkl")) for name in members):
+        files = [name for name in members if not name.endswith("/") and not name.startswith("__MACOSX")]
+        got = ", ".join(files[:3]) + (", ..." if len(files) > 3 else "")
+        raise RecordingError("a ZIP archive without NumPy arrays", got=got, where=path, remedy="unpack it first")
+    if any(name.endswith("data.pkl") for name in members):
+        raise pickled(path)
+    return open_numpy(path, sensor)
+
+
+def pickled(path: Path) -> RecordingError:
+    """What is said of a file that only runs of a pickle could open."""
+    return RecordingError(
+        "a pickled file is not opened: it could run any program",
+        expected="an .npz or .npy of plain arrays",
+        where=path,
+        remedy="where you trust it, load it with its own tool and save the arrays: numpy.savez(F, t=t, x=x, y=y, p=p)",
+    )
 
 
 def in_parts(rows: RawColumns, report: DecodeReport) -> Iterator[RawColumns]:

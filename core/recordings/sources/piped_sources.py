@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import logging
 import os
 import select
@@ -12,12 +11,10 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Concatenate, Final, ParamSpec, TypeVar
+from typing import Final
 
 from core.errors import RecordingError
 
-P = ParamSpec("P")
-R = TypeVar("R")
 logger = logging.getLogger(__name__)
 _PART_BYTES: Final = 1 << 20
 _LOOK_MS: Final = 100
@@ -34,26 +31,9 @@ def is_pipe(path: Path) -> bool:
         return False
 
 
-def pipes_read_once(
-    function: Callable[Concatenate[Sequence[Path], P], R | None],
-) -> Callable[Concatenate[Sequence[Path], P], R | None]:
-    """Give a function of source files temporary files in the place of pipes.
-
-    It returns None if its argument `cancelled` says so while a pipe is read.
-    """
-
-    @functools.wraps(function)
-    def run(sources: Sequence[Path], *args: P.args, **options: P.kwargs) -> R | None:
-        cancelled = options.get("cancelled")
-        with _kept(sources, cancelled if callable(cancelled) else lambda: False) as files:
-            return None if files is None else function(files, *args, **options)
-
-    return run
-
-
 @contextmanager
-def _kept(paths: Sequence[Path], cancelled: Callable[[], object]) -> Iterator[list[Path] | None]:
-    """The paths with a file for each pipe, which has its name; None if cancelled."""
+def files_of_pipes(paths: Sequence[Path], cancelled: Callable[[], bool]) -> Iterator[list[Path] | None]:
+    """The paths with a temporary file for each pipe, which has its name; None if cancelled while one is read."""
     if not any(map(is_pipe, paths)):
         yield list(paths)
         return
@@ -71,7 +51,7 @@ def _kept(paths: Sequence[Path], cancelled: Callable[[], object]) -> Iterator[li
         yield files
 
 
-def _keep(pipe: Path, file: Path, cancelled: Callable[[], object]) -> bool:
+def _keep(pipe: Path, file: Path, cancelled: Callable[[], bool]) -> bool:
     """Write all that comes through a pipe to a file; False if cancelled before its end."""
     began_s, announced = time.monotonic(), False
     try:

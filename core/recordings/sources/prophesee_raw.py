@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 
 from core.errors import RecordingError
 from core.events import Events, SensorSize
+from core.foreign_tables import allowed_odd
 from core.recordings.hdf5 import read_only
 from core.recordings.sources.checking import (
     CUT_SHORT,
     DAMAGED_TIMES,
-    FEW_LEFT_OUT,
-    MAX_LEFT_OUT,
     RESERVED_WORDS,
     outside_note,
     refuse_many_outside,
@@ -166,7 +165,7 @@ def _say_left_out(
     """Count what was left out; a sensor that is too small for many events is refused."""
     outside, largest = int(state[OUTSIDE]), (int(state[MAX_X]), int(state[MAX_Y]))
     reserved, ignored = int(state[RESERVED]), int(state[IGNORED])
-    if ignored <= max(FEW_LEFT_OUT, MAX_LEFT_OUT * read) and not damaged:  # else damage, and no wrong size
+    if ignored <= allowed_odd(read) and not damaged:  # else damage, and no wrong size
         refuse_many_outside(outside, outside + read, sensor, largest, path.name)
     elif outside > _MOSTLY_OUTSIDE * (outside + read):
         raise RecordingError(

@@ -29,6 +29,8 @@ class Reader:
     only_named: tuple[str, ...] = ()
     """In lists only files with one of these suffixes are of this format, since its files can hold anything: text,
     archives and data bases. Empty: every file that is recognised."""
+    folders: bool = False
+    """Whether a folder can be one recording of this format."""
 
 
 READERS: Final[Registry[Reader]] = Registry("reader", "rallyscope.readers")
@@ -42,6 +44,8 @@ def register_reader(
     label: str,
     suffixes: tuple[str, ...] = (),
     only_named: tuple[str, ...] = (),
+    *,
+    folders: bool = False,
 ) -> None:
     """Add a format of event files: to `import`, to every verb that opens a recording, and to the app's Open file.
 
@@ -53,6 +57,7 @@ def register_reader(
         label: what the format is called.
         suffixes: of files in the workspace's folder of recordings that the app offers, such as ".xyz".
         only_named: suffixes that a file needs to be listed, for a format whose files can hold anything.
+        folders: whether `recognises` is asked of folders, too, with no first bytes.
 
     Raises:
         PluginError: if the name is taken, or one of these does not fit.
@@ -65,7 +70,7 @@ def register_reader(
     for given in (suffixes, only_named):
         if not isinstance(given, tuple) or not all(one.startswith(".") and one == one.lower() for one in given):
             raise PluginError("not suffixes", expected='such as (".xyz",)', got=repr(given), where=where)
-    READERS.register(name, Reader(recognises, opens, label, suffixes, only_named))
+    READERS.register(name, Reader(recognises, opens, label, suffixes, only_named, folders))
 
 
 def event_files() -> dict[str, str]:
@@ -74,5 +79,7 @@ def event_files() -> dict[str, str]:
 
 
 def recognised(path: Path, head: bytes) -> Reader | None:
-    """The reader that opens a file with these first bytes: the last that recognises it."""
-    return next((reader for reader in reversed(list(READERS.values())) if reader.recognises(path, head)), None)
+    """The reader that opens a file with these first bytes, or a folder: the last that recognises it."""
+    folder = path.is_dir()
+    asked = (reader for reader in reversed(list(READERS.values())) if reader.folders or not folder)
+    return next((reader for reader in asked if reader.recognises(path, head)), None)

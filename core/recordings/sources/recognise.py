@@ -16,14 +16,11 @@ from core.recordings.sources.aedat4 import open_aedat4
 from core.recordings.sources.dat import open_dat
 from core.recordings.sources.event_stream import open_es
 from core.recordings.sources.folders import camera_files, camera_names
-from core.recordings.sources.hdf5_data_sets import open_hdf5_data_set
 from core.recordings.sources.hdf5_reading import explain
 from core.recordings.sources.hdf5_tables import open_hdf5_table
 from core.recordings.sources.matlab import MAT5_MAGIC, open_matlab
 from core.recordings.sources.metavision_hdf5 import open_metavision_hdf5
-from core.recordings.sources.nmnist import open_nmnist
-from core.recordings.sources.numpy_data_sets import is_evimo_folder, open_evimo_folder, open_numpy_data_set, pickled
-from core.recordings.sources.numpy_files import open_numpy
+from core.recordings.sources.numpy_files import open_archive, open_numpy, pickled
 from core.recordings.sources.prophesee_header import read_prophesee_header, text_follows
 from core.recordings.sources.prophesee_raw import open_prophesee_raw
 from core.recordings.sources.readers import HEAD_BYTES, READERS, Recognise, recognised, register_reader
@@ -38,7 +35,7 @@ FORMATS: Final = (
     "Prophesee RAW and DAT, AEDAT4, Event Stream, HDF5 (Metavision, DSEC, MVSEC and others), npz, npy, MATLAB, CSV,"
     " bags of ROS or MCAP"
 )
-FOLDERS: Final = "a bag of ROS 2, a rally of Sony's, the arrays of EVIMO2, or an event file for each camera"
+FOLDERS: Final = "a bag of ROS 2, a rally of Sony's, or an event file for each camera"
 """Folders that are one recording."""
 
 
@@ -76,8 +73,6 @@ def _open_file(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     if (packed := compression_of(head)) is not None:
         remedy = "unpack it first"
         raise RecordingError(f"the file is compressed ({packed}), and is not unpacked here", where=path, remedy=remedy)
-    if (found := open_nmnist(path, sensor)) is not None:
-        return found
     for starts, what, remedy in _KNOWN_OTHERS:
         if head.startswith(starts):
             raise RecordingError(f"the file is {what}, and holds no events that can be read", where=path, remedy=remedy)
@@ -86,12 +81,8 @@ def _open_file(path: Path, sensor: SensorSize | None) -> list[EventSource]:
 
 
 def _open_folder(path: Path, sensor: SensorSize | None) -> list[EventSource]:
-    if is_evimo_folder(path):
-        return open_evimo_folder(path, sensor)
-    if is_bag_folder(path):
-        return open_bag(path, sensor)
-    if is_sony_folder(path):
-        return open_sony_folder(path, sensor)
+    if (reader := recognised(path, b"")) is not None:
+        return reader.opens(path, sensor)
     files = camera_files(path)
     if files:
         return _open_files(files, sensor)
@@ -120,7 +111,7 @@ def _open_hdf5(path: Path, sensor: SensorSize | None) -> list[EventSource]:
         elif sony:
             found = open_sony_file(path, sensor)
         else:
-            found = open_hdf5_data_set(path, sensor) or open_hdf5_table(path, sensor)
+            found = open_hdf5_table(path, sensor)
     except (OSError, RuntimeError, KeyError, ValueError) as error:
         raise RecordingError("the HDF5 file cannot be read", got=explain(error), where=path) from error
     if found is None and frames:
@@ -149,10 +140,6 @@ def _open_aedat(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     return open_aedat4(path, sensor)
 
 
-def _open_archive(path: Path, sensor: SensorSize | None) -> list[EventSource]:
-    return open_numpy_data_set(path, sensor) or open_numpy(path, sensor)
-
-
 def _is_dat(path: Path, head: bytes) -> bool:
     return head.startswith(b"%") and read_prophesee_header(path).is_dat
 
@@ -164,6 +151,14 @@ def _is_raw(path: Path, head: bytes) -> bool:
     if header.version is None and text_follows(path, header):  # `% geometry 640x480` above lines of numbers
         return False
     return not header.is_dat and (header.version is not None or header.sensor is not None)
+
+
+def _is_bag(path: Path, head: bytes) -> bool:
+    return head.startswith((ROS1_MAGIC, MCAP_MAGIC, SQLITE_MAGIC)) if head else is_bag_folder(path)
+
+
+def _is_sony_folder(path: Path, head: bytes) -> bool:
+    return not head and is_sony_folder(path)
 
 
 def _is_text(path: Path, head: bytes) -> bool:
@@ -199,9 +194,10 @@ register_reader("prophesee-raw", _is_raw, open_prophesee_raw, "Prophesee RAW", (
 register_reader("prophesee-dat", _is_dat, open_dat, "Prophesee DAT", (".dat",))
 register_reader("numpy", _starts_with(b"\x93NUMPY"), open_numpy, "NumPy", (".npy",))
 register_reader("matlab", _starts_with(MAT5_MAGIC), open_matlab, "MATLAB", (".mat",))
-register_reader("numpy-archive", _starts_with(b"PK\x03\x04"), _open_archive, "NumPy", (".npz",), (".npz",))
+register_reader("numpy-archive", _starts_with(b"PK\x03\x04"), open_archive, "NumPy", (".npz",), (".npz",))
 _BAGS: Final = (".bag", ".mcap", ".db3")
-register_reader("bag", _starts_with(ROS1_MAGIC, MCAP_MAGIC, SQLITE_MAGIC), open_bag, "bag of ROS", _BAGS, _BAGS)
+register_reader("sony", _is_sony_folder, open_sony_folder, "rally of Sony's", folders=True)
+register_reader("bag", _is_bag, open_bag, "bag of ROS", _BAGS, _BAGS, folders=True)
 register_reader("event-stream", _starts_with(b"Event Stream"), open_es, "Event Stream", (".es",))
 register_reader("aedat4", _starts_with(b"#!AER-DAT"), _open_aedat, "AEDAT", (".aedat4", ".aedat"))
 READERS.mark_built_in()

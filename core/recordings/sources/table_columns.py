@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from core.errors import RecordingError
 from core.events import SensorSize
+from core.foreign_tables import spelled, without_unit
 
 _NAMES: Final = {
     "t": (
@@ -29,17 +30,6 @@ _NAMES: Final = {
 }  # fmt: skip
 """Usual spellings; that of a time may end with its unit."""
 _AT_SIZE: Final = re.compile(r"([xy])@([0-9]{1,5})")
-_UNIT_AT_END: Final = re.compile(r"_(ns|us|ms|s|nsec|usec|msec|sec|nanoseconds|microseconds|milliseconds|seconds)$")
-_UNITS: Final = {
-    "nano": "ns",
-    "micro": "us",
-    "milli": "ms",
-    "seco": "s",
-    "nsec": "ns",
-    "usec": "us",
-    "msec": "ms",
-    "sec": "s",
-}
 
 
 def addresses_from_column(column: NDArray) -> NDArray[np.int64]:
@@ -63,11 +53,11 @@ def find_columns(names: Sequence[str], *, where: str) -> dict[str, int]:
     Raises:
         RecordingError: if one is missing.
     """
-    spelled = [_spelled(name) for name in names]
-    times = [_UNIT_AT_END.sub("", name) for name in spelled]
+    plain = [_spelled(name) for name in names]
+    times = [without_unit(name)[0] for name in plain]
     found: dict[str, int] = {}
     for column, spellings in _NAMES.items():
-        own = times if column == "t" else spelled
+        own = times if column == "t" else plain
         position = next((own.index(name) for name in spellings if name in own), None)
         if position is None:
             raise RecordingError(
@@ -79,11 +69,7 @@ def find_columns(names: Sequence[str], *, where: str) -> dict[str, int]:
 
 def unit_of_name(name: str) -> str | None:
     """Unit of a time column (`ns`, `us`, `ms`, `s`) that its name states; None if it does not."""
-    found = _UNIT_AT_END.search(_spelled(name))
-    if found is None:
-        return None
-    word = found.group(1)
-    return next((unit for start, unit in _UNITS.items() if word.startswith(start)), word)
+    return without_unit(_spelled(name))[1]
 
 
 def size_in_names(names: Sequence[str]) -> SensorSize | None:
@@ -93,9 +79,6 @@ def size_in_names(names: Sequence[str]) -> SensorSize | None:
 
 
 def _spelled(name: str) -> str:
-    """A column's name in small letters, its words joined by underscores."""
+    """A column's name as `spelled` gives it, without the size of the sensor that may stand behind it."""
     sized = _AT_SIZE.fullmatch(name.strip().lower())
-    if sized is not None:
-        return sized[1]
-    plain = name.strip("\ufeff\"'#%/; \t\r\n").lower().replace("µ", "u").replace("μ", "u")
-    return re.sub(r"[\s_\-\[(/]+", "_", plain.rstrip("])"))
+    return spelled(name) if sized is None else sized[1]

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from core.errors import RecordingError
 from core.events import SensorSize
+from core.foreign_tables import allowed_odd
 from core.recordings.sources.making import make_table_source
 from core.recordings.sources.source import DecodeReport, EventSource, RawColumns
 from core.recordings.sources.table_columns import find_columns, size_in_names, unit_of_name
@@ -291,7 +292,7 @@ def _decode(path: Path, layout: _Layout, report: DecodeReport) -> Iterator[RawCo
             number += len(lines)
             read += sum(map(len, lines))
             report.share = min(1.0, read / size)
-    if odd > max(3, 0.01 * (rows + odd)):
+    if odd > allowed_odd(rows + odd):
         what = f"{odd:,} of {rows + odd:,} lines are not events"
         raise RecordingError(what, got=f"first {first_odd}", where=path)
     note = f"{path.name}: {odd:,} lines are not events and were left out; first {first_odd}."

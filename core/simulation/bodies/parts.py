@@ -56,7 +56,16 @@ def rod(
     stripes_per_m: float = 0.0,
     bands: float = 0.0,
 ) -> Array:
-    """A row of PART_COLUMNS."""
+    """A row of PART_COLUMNS.
+
+    Args:
+        radius_a_m: at one end.
+        radius_b_m: at the other.
+        reflectance: share of the light that it gives back.
+        texture: depth of its pattern, 0 to 0.9.
+        stripes_per_m: waves of the pattern along it.
+        bands: waves across it.
+    """
     return np.array([ROD, radius_a_m, radius_b_m, reflectance, texture, stripes_per_m, bands])
 
 
@@ -85,7 +94,14 @@ def steps_of_fastest(probes: BodyProbes, step_px: float) -> int:
 
 
 def hidden_by_bodies(bodies: MovingBodies, camera_m: Array, ps_world: Array, t_s: Array) -> NDArray[np.bool_]:
-    """Whether a body lies between `camera_m` and the points (N, 3) at their times `t_s` (N,)."""
+    """Whether a body lies between `camera_m` and the points (N, 3) at their times `t_s` (N,).
+
+    Args:
+        bodies: the moving bodies.
+        camera_m: (3,) place of the camera, world.
+        ps_world: (N, 3) points.
+        t_s: (N,) their times.
+    """
     ends, parts = bodies.ends(t_s), bodies.parts
     to_point = (ps_world - camera_m)[:, None, :]
     with np.errstate(invalid="ignore"):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from core.physics import crossing
 from core.physics.contact import FLOOR_Z_M, HALF_WIDTH_M, over_table, overlaps_net
-from core.physics.episode import Case
+from core.physics.episode import Case, Outcomes
 from core.physics.rotation import normals_from_orientations
 from core.physics.task import TaskConfig
 from core.simulation.episodes.closed_form import follow_hits
@@ -54,6 +54,14 @@ def impact_kind(
     """The impact that the crossing of plane `which` with ball `state` is, or None if the ball passes.
 
     `share` is how much of the step from `face_start` to `face_end` is over.
+
+    Args:
+        which: index of the plane, of `core.physics.crossing`.
+        state: (9,) ball at the crossing.
+        face_start: (9,) position, velocity and normal of the racket's face at the start of the step.
+        face_end: (9,) the same at its end.
+        share: of the step that is over at the crossing, 0 to 1.
+        racket_radius_m: of the face.
     """
     if which == crossing.DOWN:
         return "bounce" if over_table(state[0], state[1]) else None
@@ -149,3 +157,29 @@ def case_of(event: RallyEvent) -> Case:
     if event.touched[0] < 0:
         return Case.OWN_HALF
     return Case.RETURNED if event.kind == "bounce" else Case.OUT
+
+
+def outcomes_of(ball: BallOutcome, served_s: float) -> Outcomes:
+    """One row: what learning needs of a ball that was judged in the world, with times since its serve.
+
+    The world reports where the ball comes down and how high it crosses the net; when it was hit and how it left the
+    racket stay unknown (NaN), and so do spins.
+    """
+    landing = np.concatenate([ball.landing_m, ball.landing_v_mps, np.full(3, np.nan)])[None]
+    contact = landing.copy()
+    contact_t_s, landing_t_s = np.array([ball.t_s - served_s]), np.array([ball.t_s - served_s])
+    if ball.case is Case.NET:
+        # Decided at the net, before the ball would have come down.
+        contact[0, 0], landing_t_s[0] = 0.0, np.inf
+    elif ball.case is Case.MISSED:
+        contact_t_s[0] = landing_t_s[0] = np.nan
+    return Outcomes(
+        case=np.array([ball.case], np.int8),
+        hit_t_s=np.full(1, np.nan),
+        hit_states=np.full((1, 9), np.nan),
+        landing_t_s=landing_t_s,
+        landing_states=landing,
+        net_z_m=np.array([ball.net_z_m]),
+        contact_t_s=contact_t_s,
+        contact_states=contact,
+    )

@@ -237,6 +237,12 @@ MAX_ROUNDS = 200
 def draw_serves(speed_mps: float, count: int, config: TaskConfig, rng: np.random.Generator) -> Serves:
     """`count` serves of one speed, 3 to 9 m/s.
 
+    Args:
+        speed_mps: of the ball at the launcher.
+        count: number of serves.
+        config: where the launcher is, how serves spread, and the physics.
+        rng: source of random numbers.
+
     Raises:
         ConfigError: if the speed is out of range, or the distribution has (nearly) no legal serve.
     """

@@ -93,7 +93,16 @@ def check_target(target: RacketTarget, config: RacketConfig) -> RacketTarget:
 def move_racket(
     state: RacketState, target: RacketTarget | None, t_s: float, h: float, config: RacketConfig, home_q: Array
 ) -> RacketState:
-    """The racket `h` seconds after `t_s`, on its way to the target, following through, or on its way back to rest."""
+    """The racket `h` seconds after `t_s`, on its way to the target, following through, or on its way back to rest.
+
+    Args:
+        state: the racket at `t_s`.
+        target: where it goes; None: to rest.
+        t_s: time of the state.
+        h: duration, s.
+        config: its largest speed, acceleration and turn rate.
+        home_q: (4,) orientation at rest, wxyz.
+    """
     if target is not None and t_s < target.t_s < t_s + h:
         at_target = move_racket(state, target, t_s, target.t_s - t_s, config, home_q)
         return move_racket(at_target, target, target.t_s, t_s + h - target.t_s, config, home_q)
@@ -159,5 +168,12 @@ def upright_racket(config: RacketConfig) -> RacketState:
 
 
 def target_for_ball(ball_p_m: Array, q_wxyz: Array, v_mps: Array, t_s: float) -> RacketTarget:
-    """The target whose face touches, in its middle, a ball with its centre at `ball_p_m` at `t_s`."""
+    """The target whose face touches, in its middle, a ball with its centre at `ball_p_m` at `t_s`.
+
+    Args:
+        ball_p_m: (3,) centre of the ball, world.
+        q_wxyz: (4,) orientation of the racket.
+        v_mps: (3,) its velocity.
+        t_s: when.
+    """
     return RacketTarget(ball_p_m - BALL_RADIUS_M * normals_from_orientations(q_wxyz), q_wxyz, v_mps, t_s)

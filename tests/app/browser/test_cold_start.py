@@ -107,6 +107,7 @@ def test_the_first_start_shows_a_page_then_a_returned_ball(cold, chromium, tmp_p
     page.add_init_script(FEW_FRAMES)  # drawing has its turn, but compiling is what is waited for
     page.goto(cold.address())
     page.get_by_text("Compiling the simulation").wait_for()
+    page.get_by_text("you see a recorded rally").wait_for()
     page.get_by_text(re.compile(r"^\d+%$")).first.wait_for()
     save_screenshot(page, "cold-preparing")
     returned = page.get_by_text(re.compile(r"^[1-9]\d* of \d+$"))  # counted by controller and scene

@@ -5,7 +5,15 @@ import sys
 
 import pytest
 
+from app.export.scenes.scene_file import export_scene
+from app.export.selection import Span
+from core.chain import ChainConfig
+from core.recordings import open_recording
+from tests.app.browser.window import count_like, open_page, save_screenshot
 from tests.waiting import PATIENCE_S, eventually
+
+TABLE, TOO_BRIGHT = (45, 122, 205), (160, 205, 243)
+"""The table in the light of the app, and in that of viser's own lamps beside it."""
 
 
 @pytest.mark.gate
@@ -38,3 +46,22 @@ def test_a_part_of_a_recording_becomes_a_rerun_file_that_can_be_downloaded(windo
     page.locator("button", has_text="Export").last.click()
     eventually(lambda: len(exporter.files()) == 2, "the second file")
     eventually(lambda: page.get_by_label("File").first.input_value() == "serve-2.rrd", "the newest to be chosen")
+
+
+def test_a_scene_as_a_page_is_lit_as_in_the_app_whenever_it_plays(chromium, serve_recording, tmp_path) -> None:
+    with open_recording(serve_recording) as recording:
+        span = Span(300_000, 340_000)
+        path = export_scene(recording, tmp_path / "scene.html", span, ChainConfig(), as_html=True, stride_us=20_000)
+    page = open_page(chromium, 640, 400)
+    page.goto(path.as_uri())
+    seen = []
+
+    def is_drawn() -> bool:
+        seen.append(save_screenshot(page, "scene-page"))
+        return count_like(seen[-1], TABLE, 25) > 5000
+
+    eventually(is_drawn, "the table in the light of the app")
+    for _ in range(3):  # it lasts 0.16 s: each picture is of another pass
+        seen.append(save_screenshot(page, "scene-page"))
+    assert max(count_like(picture, TOO_BRIGHT, 25) for picture in seen) < 500, "no lamps of the player's own"
+    page.close()

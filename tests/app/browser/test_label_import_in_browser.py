@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from app.modes.label.import_files import FOLDER, RING
+from app.modes.label.label_files import FOLDER, RING
 from labels.model import PositionSource
 from labels.store import LabelStore, Layer, has_labels
 from tests.app.browser.window import count_like

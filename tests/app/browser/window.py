@@ -201,7 +201,11 @@ class Window:
         field.fill(str(t_us))
         field.press("Enter")
         field.blur()
-        eventually(lambda: self.state.playhead.anchor_us == t_us, f"the cursor to reach {t_us} us")
+        eventually(
+            lambda: self.state.playhead.anchor_us == t_us,
+            f"the cursor to reach {t_us} us",
+            lambda: (self.state.playhead, field.input_value(), self.page.evaluate("rallyscope.socket.readyState")),
+        )
         told = "t => +document.getElementById('rallyscope-line').getAttribute('aria-valuenow') === t"
         self.page.wait_for_function(told, arg=t_us)
 

@@ -56,7 +56,7 @@ def test_lists_make_a_folder_of_recordings_with_a_card_and_a_second_run_finds_th
 
 def test_a_preset_takes_pictures_of_its_own(tmp_path: Path, capsys, monkeypatch) -> None:
     seen = []
-    monkeypatch.setattr("app.cli.simulate_data_set.run_data_set", lambda plan, *_, **__: seen.append(plan) or 1 / 0)
+    monkeypatch.setattr("app.cli.simulate.run_data_set", lambda plan, *_, **__: seen.append(plan) or 1 / 0)
     for more in ((), ("--exposure-us", "2000"), ("--frames-hz", "50")):
         assert simulate(tmp_path / "a", "--preset", "paper7", *more) == 1
     frames = [plan.recordings[0].making.frames for plan in seen]

@@ -1,4 +1,4 @@
-from app.cli.tables import format_table
+from app.cli.terminal import format_table
 
 
 def test_rows_become_a_table_with_numbers_under_their_titles() -> None:

@@ -6,7 +6,7 @@ from app import theme
 from app.panels.recording_info import gather_info, health_html
 from app.shared.library import Library
 from app.shared.workspace import Workspace
-from core.recordings import import_recording
+from core.recordings import ImportOrder, import_recording
 
 
 def test_where_a_recording_came_from_is_no_fault(tmp_path: Path) -> None:
@@ -14,7 +14,7 @@ def test_where_a_recording_came_from_is_no_fault(tmp_path: Path) -> None:
     source = tmp_path / "clip.csv"
     rows = "\n".join(f"{10 * k},{k % 30},{k % 20},{k % 2}" for k in range(5000))
     source.write_text(f"t,x,y,p\n{rows}\n")
-    import_recording([source], workspace.recording_path("clip"))
+    import_recording(ImportOrder([source]), workspace.recording_path("clip"))
     library = Library(workspace)
     said = health_html(gather_info(library, "clip"))
     library.close()

@@ -6,7 +6,7 @@ from PIL import Image
 
 from app.pictures.canvas import encode_png
 from app.pictures.palette import CLUSTER_COLOURS, POLARITY_COLOURS, RAMP_COLOURS, PaletteIndex, palette
-from core.events.image import OFF_EVENT, ON_EVENT
+from core.events.events import OFF_EVENT, ON_EVENT
 
 
 @pytest.mark.parametrize("colours", POLARITY_COLOURS)

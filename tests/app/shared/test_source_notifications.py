@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from app.shared.source_notifications import SourceNotifications
-from core.cameras.epipolar import EpipolarDrift
+from core.cameras.stereo import EpipolarDrift
 from core.chain.calibration_drift import DriftReport
 from core.live.stream_watch import LOST_US, CameraHealth, StreamHealth
 from core.robot import RobotStatus

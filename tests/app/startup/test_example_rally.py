@@ -4,7 +4,15 @@ import dataclasses
 
 import numpy as np
 
-from app.startup.example_rally import SPEED, STRIDE_US, ExampleRally, example_pictures, pack_pictures, unpack_pictures
+from app.startup.example_rally import (
+    AFTER_S,
+    SPEED,
+    STRIDE_US,
+    ExampleRally,
+    example_pictures,
+    pack_pictures,
+    unpack_pictures,
+)
 from core.history.rally_picture import LandingSpot, Pose, RallyPicture, UncertaintyEllipse
 from core.physics.episode import Case
 
@@ -47,10 +55,14 @@ def test_it_is_drawn_again_and_again_and_no_oftener_than_asked() -> None:
     drawn: list[RallyPicture] = []
     example, count = ExampleRally(drawn.append), len(example_pictures())
     frame_s = 1e-6 * STRIDE_US / SPEED
+    for wall_s in (100.0 - AFTER_S, 99.9):
+        example.tick(wall_s, 0.0)
+    assert not drawn, "the live rally may come at once"
     for number in range(4 * (count + 1)):
         example.tick(100.0 + (number / 4 + 0.1) * frame_s, 0.0)
     assert len(drawn) == count + 1 and drawn[0] is drawn[count]
     seldom = ExampleRally(drawn.append)
+    seldom.tick(100.0 - AFTER_S, 0.45)
     drawn.clear()
     for number in range(10):
         seldom.tick(100.0 + 0.1 * number, 0.45)

@@ -5,7 +5,7 @@ import pytest
 
 from app.pictures.canvas import Canvas, event_picture
 from app.pictures.palette import PaletteIndex
-from app.views.ball_inset import draw_ball_inset
+from app.views.requests import draw_ball_inset
 from core.events import Events, SensorSize, Window
 
 SENSOR = SensorSize(1280, 720)

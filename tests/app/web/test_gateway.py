@@ -14,6 +14,7 @@ from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
 from app.web import Admission, Gateway
+from app.web.gateway import FILM_PATH
 from tests.waiting import PATIENCE_S, eventually
 
 PROTOCOL = Subprotocol(f"viser-v{viser.__version__}")
@@ -125,6 +126,13 @@ def test_a_websocket_of_a_foreign_page_is_refused_and_ours_is_taken(door: Gatewa
         assert socket_status(door, origin=Origin(origin)) == 403
         assert socket_status(door, "/rallyscope/page?page=x", origin=Origin(origin)) == 403
     assert socket_status(door, additional_headers={"Host": "evil.example"}) == 403
+
+
+def test_the_film_of_the_splash_page_is_there(door: Gateway) -> None:
+    assert FILM_PATH.encode() in get(door)[2]
+    status, headers, body = get(door, FILM_PATH)
+    assert status == 200 and headers["content-type"] == "image/webp" and body[:4] == b"RIFF" and body[8:12] == b"WEBP"
+    assert headers["cache-control"] == "max-age=86400"
 
 
 def test_it_says_that_it_is_alive(door: Gateway) -> None:

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from core.cameras import Camera, stereo_preset
-from core.cameras.epipolar import EpipolarDrift, EpipolarPair
+from core.cameras.stereo import EpipolarDrift, EpipolarPair
 from core.errors import CalibrationError
 from core.geometry import make_transform
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from core.cameras import Camera, StereoRig, ball_circles, load_calibration, save_calibration
-from core.cameras.calibration.lens_file import save_lens
+from core.cameras.calibration.intrinsics import save_lens
 from core.cameras.calibration.table_corners import CORNERS, Clicks, pose_from_clicks
-from core.cameras.epipolar import EpipolarPair
+from core.cameras.stereo import EpipolarPair
 from core.errors import CalibrationError
 from core.events import SensorSize
 from core.geometry import look_at, make_transform

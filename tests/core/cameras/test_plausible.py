@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from core.cameras.calibration_file import CalibrationFile, read_calibration_file
-from core.cameras.units import Unit
 from core.errors import CalibrationError
+from core.foreign_tables import Unit
 from core.geometry import invert_transform, look_at
 
 pytestmark = pytest.mark.numeric

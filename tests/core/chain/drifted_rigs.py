@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from core.cameras import Camera
-from core.cameras.epipolar import EpipolarPair
+from core.cameras.stereo import EpipolarPair
 from core.chain.calibration_drift import CalibrationDrift
 from core.geometry import make_transform, random_direction
 from core.simulation.flights import LaunchConfig, draw_serve_series

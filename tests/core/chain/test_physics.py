@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from core.chain.config import ChainConfig
-from core.chain.physics import chain_for_physics
+from core.chain.config import ChainConfig, chain_for_physics
 from core.physics.config import physics_profile
 
 pytestmark = pytest.mark.numeric

@@ -15,7 +15,7 @@ from core.detection import Detection, register_detector
 from core.events import Events, SensorSize, Window
 from core.registry import forgotten_afterwards
 from core.trajectory.ball_kernel import fly_and_bounce
-from core.trajectory.stereo_filters import refined_filter
+from core.trajectory.filter_config import refined_filter
 
 pytestmark = pytest.mark.numeric
 CAMERAS = camera_preset("corners")

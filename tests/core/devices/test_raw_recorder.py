@@ -15,7 +15,7 @@ from core.devices.raw_recorder import Evt3Clock, GapResynchroniser, RawRecorder,
 from core.errors import RecordingError
 from core.events import Events, SensorSize
 from core.events.clock_table import read_clock_table
-from core.recordings import import_recording, open_recording
+from core.recordings import ImportOrder, import_recording, open_recording
 from core.recordings.evt3_encoder import Evt3Encoder
 from tests.core.devices.replayed_hardware import ENDLESS, RING, Replayed, ReplayedLibrary
 from tests.waiting import eventually
@@ -52,7 +52,7 @@ def test_two_cameras_with_a_cable_become_the_recording_that_they_saw(tmp_path):
     takes = recorder.stop()
     assert all(device.closed for device in library.opened)
     assert all(one.packets_dropped == one.gaps == 0 and not one.problem for one in takes)
-    summary = import_recording([one.path for one in takes], out, names=[one.name for one in takes])
+    summary = import_recording(ImportOrder([one.path for one in takes], names=[one.name for one in takes]), out)
     assert summary.events == {"left": 50_000, "right": 50_000}
     with open_recording(out) as recording:
         known = Pixels().slice(0, 500_000)
@@ -75,7 +75,7 @@ def test_without_a_cable_the_drift_is_written_beside_and_undone(tmp_path):
     takes = recorder.stop()
     table = read_clock_table(recorder.clock_paths["right"])
     assert abs(int(table.shift_us[0]) + 5_000_000) < 2000
-    import_recording([one.path for one in takes], out, clock=table)
+    import_recording(ImportOrder([one.path for one in takes], clock=[table]), out)
     with open_recording(out) as recording:
         left, right = (recording.cameras[name].slice(0, 3_000_000) for name in ("left", "right"))
     times = {(x, y): t for t, x, y in zip(left.t_us, left.x_px, left.y_px, strict=True)}
@@ -98,7 +98,7 @@ def test_each_of_three_cameras_has_a_clock_and_one_recording_is_made_of_all(tmp_
     )
     takes = recorder.stop()
     tables = [read_clock_table(path) for path in recorder.clock_paths.values()]
-    import_recording([one.path for one in takes], out, clock=tables)
+    import_recording(ImportOrder([one.path for one in takes], clock=tables), out)
     with open_recording(out) as recording:
         assert list(recording.cameras) == ["a", "b", "c"]
         found = [stream.slice(0, 3_000_000) for stream in recording.cameras.values()]
@@ -121,7 +121,7 @@ def test_a_short_take_without_a_cable_has_the_shift_that_was_known(tmp_path):
     table = read_clock_table(recorder.clock_paths["right"])
     assert len(table.stamp_us) >= 1 and abs(int(table.shift_us[0]) + 5_000_000) < 50_000
     seen_us = max(device.sent_us for device in library.opened)
-    duration_us = import_recording([one.path for one in takes], out, clock=table).duration_us
+    duration_us = import_recording(ImportOrder([one.path for one in takes], clock=[table]), out).duration_us
     assert duration_us < seen_us + 1_000_000, "the 5 s between the clocks are undone"
 
 
@@ -144,7 +144,7 @@ def test_losses_of_the_driver_are_counted_to_the_event_and_the_rest_is_in_its_pl
     device.unplugged = True  # this clock stands still, and a reader would wait for ever
     (take,) = recorder.stop()
     assert take.packets_dropped >= 900 and take.gaps >= 1
-    summary = import_recording([take.path], out)
+    summary = import_recording(ImportOrder([take.path]), out)
     kept = summary.events["camera"]
     assert kept + library.opened[0].events_dropped + take.events_left_out == 200_000
     with open_recording(out) as recording:
@@ -165,7 +165,7 @@ def test_what_a_kill_leaves_opens(tmp_path):
     recorder.stop()
     copy = tmp_path / "cut.raw"
     copy.write_bytes(cut)
-    summary = import_recording([copy], out)
+    summary = import_recording(ImportOrder([copy]), out)
     assert summary.events["camera"] > 20_000
 
 
@@ -188,7 +188,7 @@ def test_a_full_disk_is_one_line_and_what_there_is_stays(tmp_path, monkeypatch):
     eventually(lambda: recorder.over, "the recorder to end")
     (take,) = recorder.stop()
     assert "No space left on device" in take.problem and "free some space" in take.problem and "\n" not in take.problem
-    assert import_recording([take.path], out).events["camera"] > 1000
+    assert import_recording(ImportOrder([take.path]), out).events["camera"] > 1000
 
 
 def test_files_of_an_earlier_take_are_not_written_over(tmp_path):
@@ -207,7 +207,7 @@ def test_a_camera_that_goes_ends_its_file_and_says_why(tmp_path):
     assert recorder.error is None
     (take,) = recorder.stop()
     assert "the device was disconnected" in take.problem
-    assert import_recording([take.path], tmp_path / "a.h5").events["camera"] > 5000
+    assert import_recording(ImportOrder([take.path]), tmp_path / "a.h5").events["camera"] > 5000
 
 
 def test_the_time_at_the_end_of_bytes_is_the_decoders_over_every_wrap():

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from core.events import Events, SensorSize, count_image, polarity_image, time_surface
-from core.events.image import NO_EVENT, OFF_EVENT, ON_EVENT
+from core.events.events import NO_EVENT, OFF_EVENT, ON_EVENT
 
 SENSOR = SensorSize(5, 4)
 EVENTS = Events.from_columns([0, 10, 20, 30], [1, 1, 4, 1], [2, 2, 3, 2], [True, True, True, False], SENSOR)

@@ -9,7 +9,7 @@ import pytest
 from app.modes.watch.status import moment_html
 from app.shared.live_rally import positions
 from core.chain.config import ChainConfig
-from core.chain.control.decision import RacketDecision
+from core.chain.control.controller import RacketDecision
 from core.chain.follow import follow_recording, true_positions
 from core.history.following import Following, Followings, is_stereo
 from core.history.rally_history import BALL_US, OUTCOMES_KEPT, Outcome, RallyHistory

@@ -14,7 +14,7 @@ from core.cameras.presets import SENSOR_720
 from core.errors import RecordingError
 from core.events import SensorSize
 from core.history.record_live import LiveRecorder
-from core.history.recorded_rally import REWARD, read_predictions, read_targets
+from core.history.recorded_rally import PREDICTIONS, REWARD, read_targets
 from core.live.link.client import SimulationClient
 from core.live.link.server import ServerConfig, SimulationServer
 from core.live.live_player import LivePlayer
@@ -102,16 +102,18 @@ def test_what_the_player_expected_and_decided_is_read_back(client, tmp_path):
     recorder.stop()
     player.close()
     with contextlib.closing(open_recording(recorder.path)) as recording:
-        predictions, targets = read_predictions(recording), read_targets(recording)
+        predictions, targets = recording.read_rows(PREDICTIONS), read_targets(recording)
         racket, episodes = recording.read_rows("/racket"), recording.read_rows("/episodes")
-    expected = [one for one, _ in heard if one.hit_plane is not None][: len(predictions)]
-    assert len(predictions) > 10
-    zero_us = expected[0].t_us - predictions[0].t_us
-    for found, one in zip(predictions, expected, strict=True):
-        assert (found.t_us + zero_us, found.stage) == (one.t_us, one.stage)
-        assert found.t_hit_us + zero_us == round(1e6 * one.hit_plane.t_s)
-        np.testing.assert_array_equal(found.p_hit_m, one.hit_plane.p_world_m)
-        np.testing.assert_array_equal(found.cov, one.hit_plane.covariance)
+    count = len(predictions["t_us"])
+    expected = [one for one, _ in heard if one.hit_plane is not None][:count]
+    assert count > 10
+    zero_us = expected[0].t_us - int(predictions["t_us"][0])
+    for k, one in enumerate(expected):
+        found = {name: column[k] for name, column in predictions.items()}
+        assert (found["t_us"] + zero_us, found["stage"].decode()) == (one.t_us, one.stage)
+        assert found["t_hit_us"] + zero_us == round(1e6 * one.hit_plane.t_s)
+        np.testing.assert_array_equal(found["p_hit_m"], one.hit_plane.p_world_m)
+        np.testing.assert_array_equal(found["cov"], one.hit_plane.covariance)
     decided = [decision for _, decision in heard if decision is not None][: len(targets)]
     for found, one in zip(targets, decided, strict=True):
         assert found.t_us + zero_us == one.t_us

@@ -1,4 +1,4 @@
-"""A policy learns from the strokes that it plays: the real landing model, on balls that the training's task deals."""
+"""A policy learns from the strokes that it plays: the real landing model, on balls that the training's task draws."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def learner():
     one.close()
 
 
-def dealt(count: int, seed: int = 3) -> ServeBatch:
+def drawn(count: int, seed: int = 3) -> ServeBatch:
     return draw_serve_batch(5.0, count, ENVIRONMENT, np.random.default_rng(seed))
 
 
@@ -67,7 +67,7 @@ def played(balls: ServeBatch, number: int, controller: LiveController) -> Finish
 
 def play_on(learner: OnlineLearner, count: int, seed: int = 3) -> None:
     """Balls one after the other, each learned from before the next is served."""
-    balls, controller = dealt(count, seed), learner.controller(GOAL)
+    balls, controller = drawn(count, seed), learner.controller(GOAL)
     before = balls_of(learner)
     for number in range(count):
         learner.note(played(balls, number, controller))
@@ -85,7 +85,7 @@ def wait_for_balls(learner: OnlineLearner, count: int) -> None:
 
 def median_error_mm(policy: Policy) -> float:
     """On balls that it has not met."""
-    balls = dealt(200, seed=99)
+    balls = drawn(200, seed=99)
     goals = np.tile(GOAL, (200, 1))
     outcomes = play(balls, policy(balls.states, balls.racket_speeds_mps, goals), ENVIRONMENT)
     return 1000 * float(np.median(np.hypot(*(outcomes.landings_m - GOAL).T)))
@@ -109,7 +109,7 @@ def test_each_ball_improves_the_policy_and_a_reset_forgets_it_all(learner) -> No
 
 
 def test_a_stroke_that_another_policy_played_is_not_learned_from(learner) -> None:
-    balls = dealt(3)
+    balls = drawn(3)
     other = PolicyController(learner.policy, TaskConfig(), GOAL)
     learner.note(played(balls, 0, other))
     learner.note(dataclasses.replace(played(balls, 1, other), decision=None))
@@ -121,7 +121,7 @@ def test_a_stroke_that_another_policy_played_is_not_learned_from(learner) -> Non
 
 
 def test_a_ball_that_flew_when_learning_was_reset_is_not_learned_from(learner) -> None:
-    flying = played(dealt(1), 0, learner.controller(GOAL))
+    flying = played(drawn(1), 0, learner.controller(GOAL))
     learner.reset(start_from_nothing())
     learner.note(flying)
     play_on(learner, 1)
@@ -129,7 +129,7 @@ def test_a_ball_that_flew_when_learning_was_reset_is_not_learned_from(learner) -
 
 
 def test_a_flight_is_played_with_one_policy_and_one_exploration(learner) -> None:
-    controller, state = learner.controller(GOAL), dealt(1).states[0]
+    controller, state = learner.controller(GOAL), drawn(1).states[0]
     first, again, later = (controller.decide(t_s, state[:3], state[3:], stage="post") for t_s in (0.60, 0.62, 2.60))
     np.testing.assert_array_equal(first.action, again.action)
     assert np.abs(first.action - later.action).max() > 0.01
@@ -137,7 +137,7 @@ def test_a_flight_is_played_with_one_policy_and_one_exploration(learner) -> None
 
 
 def test_a_ball_that_was_never_decided_on_counts_but_teaches_nothing(learner) -> None:
-    controller, state = learner.controller(GOAL), dealt(1).states[0]
+    controller, state = learner.controller(GOAL), drawn(1).states[0]
     decision = controller.decide(0.6, state[:3], state[3:], stage="pre")
     nowhere = np.full(2, np.nan)
     learner.note(FinishedBall(1_000_000, 0, 5.0, Case.MISSED, nowhere, GOAL, math.nan, decision))
@@ -149,7 +149,7 @@ def test_a_ball_that_was_never_decided_on_counts_but_teaches_nothing(learner) ->
 
 def test_a_ball_that_cannot_be_learned_from_is_said_and_the_next_one_is(learner, caplog) -> None:
     controller = learner.controller(GOAL)
-    broken, whole = (played(dealt(2), number, controller) for number in range(2))
+    broken, whole = (played(drawn(2), number, controller) for number in range(2))
     learner.note(dataclasses.replace(broken, decision=dataclasses.replace(broken.decision, state=np.zeros(3))))
     learner.note(whole)
     wait_for_balls(learner, 2)

@@ -8,8 +8,7 @@ from typing import Any
 
 import pytest
 
-from core.chain.config import ChainConfig
-from core.chain.physics import chain_with_constants
+from core.chain.config import ChainConfig, chain_with_constants
 from core.errors import ConfigError
 from core.physics.constants_file import read_constants
 from core.physics.task import task_profile

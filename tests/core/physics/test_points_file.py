@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.physics.points_file import PointsFileError, read_points
+from core.physics.points_file import PointsFileError, read_points_file
 
 pytestmark = pytest.mark.numeric
 
@@ -11,7 +11,8 @@ pytestmark = pytest.mark.numeric
 def points_of(tmp_path: Path, text: str) -> tuple[np.ndarray, np.ndarray]:
     path = tmp_path / "points.csv"
     path.write_text(text, encoding="utf-8")
-    return read_points(path)
+    found = read_points_file(path)
+    return found.t_s, found.ps_m
 
 
 def test_times_and_places_are_read_by_the_names_of_their_columns(tmp_path: Path) -> None:
@@ -41,10 +42,10 @@ def test_a_file_that_is_no_such_table_is_refused_with_its_row(tmp_path: Path, te
 
 def test_a_file_that_is_not_there_or_no_text_is_refused(tmp_path: Path) -> None:
     with pytest.raises(PointsFileError, match="cannot read the points"):
-        read_points(tmp_path / "none.csv")
+        read_points_file(tmp_path / "none.csv")
     (tmp_path / "bytes.csv").write_bytes(b"t_s,x_m,y_m,z_m\n\xff\xfe\x00")
     with pytest.raises(PointsFileError, match="not a CSV file"):
-        read_points(tmp_path / "bytes.csv")
+        read_points_file(tmp_path / "bytes.csv")
 
 
 def test_other_units_are_known_by_the_names_of_the_columns(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from core.history.following import add_known
 from core.history.played_bodies import recorded_bodies
 from core.history.rally_history import RallyHistory
-from core.history.recorded_rally import read_predictions
+from core.history.recorded_rally import PREDICTIONS
 from core.recordings import CameraStream, open_recording
 from core.recordings.reader import FileRecording
 from core.recordings.truth import turning_points
@@ -70,5 +70,5 @@ def _read_rally(recording: FileRecording) -> None:
     history = RallyHistory()
     add_known(history, recording.ball, recording)
     history.at(30_000, {})
-    read_predictions(recording)
+    recording.read_rows(PREDICTIONS)
     recorded_bodies(recording).at(30_000)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from core.recordings.identity import source_uuid
+from core.recordings.import_feeds import source_uuid
 
 SAMPLE = 64 << 10
 LARGE = SAMPLE * 64 * 2 + 12_345

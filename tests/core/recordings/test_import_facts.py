@@ -12,18 +12,20 @@ import pytest
 
 from core.errors import RecordingError
 from core.events import SensorSize, concatenate_events
-from core.recordings import check_import, import_recording, open_recording
+from core.recordings import ImportOrder, check_import, import_recording, open_recording
 from core.recordings.sources import open_sources
-from core.recordings.sources.readers import HEAD_BYTES, READERS
+from core.recordings.sources.readers import HEAD_BYTES, READERS, recognised
 from core.recordings.sources.source import POLARITY, TIME_UNIT, DecodeReport, Stated, Whence
 from tests.core.recordings.conftest import FORMATS, random_events
 from tests.core.recordings.sources import test_address_formats as addresses
 from tests.core.recordings.sources import test_evt4 as evt4
 from tests.core.recordings.sources.ros.bag_writing import BagMaker, evt3_words
-from tests.core.recordings.sources.test_hdf5_data_sets import P, T, X, Y, write_m3ed, write_v2e
+from tests.core.recordings.sources.test_hdf5_tables import P, T, X, Y, write_v2e
+from tests.docs.test_data_set_readers import nmnist, write_m3ed
 from tests.labels.formats.test_sony import YAML, write_rally
 from tests.strangers.event_files import aedat3, draw_rows, mat5
 
+pytestmark = pytest.mark.usefixtures("data_set_readers")
 VGA = SensorSize(640, 480)
 
 
@@ -36,7 +38,7 @@ def write_aedat2(path: Path) -> None:
 
 
 def write_nmnist(path: Path) -> None:
-    path.write_bytes(addresses.nmnist(33, 0, True, 5) + addresses.nmnist(1, 2, False, 7))
+    path.write_bytes(nmnist(33, 0, True, 5) + nmnist(1, 2, False, 7))
 
 
 def write_n_imagenet(path: Path) -> None:
@@ -132,7 +134,7 @@ def listing(folder: Path) -> dict[str, tuple[int, int]]:
 def test_every_reader_states_every_fact_and_the_import_finds_the_same(built, tmp_path):
     name, path = built
     before = listing(tmp_path)
-    facts = check_import([path])
+    facts = check_import(ImportOrder([path]))
     assert facts is not None and facts.complete
     assert listing(tmp_path) == before  # nothing is written
     whences = {str(one) for one in Whence}
@@ -146,7 +148,7 @@ def test_every_reader_states_every_fact_and_the_import_finds_the_same(built, tmp
     for wanted in ASSUMED[name]:
         assert any(wanted in line for line in facts.assumed), wanted
     assert len(facts.assumed) == len(ASSUMED[name])
-    summary = import_recording([path], tmp_path / "a.h5")
+    summary = import_recording(ImportOrder([path]), tmp_path / "a.h5")
     assert summary is not None
     assert (summary.facts, summary.notes, summary.duration_us) == (facts, facts.notes, facts.duration_us)
     with open_recording(tmp_path / "a.h5") as recording:
@@ -176,22 +178,20 @@ def test_the_files_above_are_of_all_readers(tmp_path):
         folder = tmp_path / name
         folder.mkdir()
         build(folder / name)
-        if (folder / name).is_file():
-            head = (folder / name).read_bytes()[:HEAD_BYTES]
-            used.add(
-                next((key for key, one in reversed(list(READERS.items())) if one.recognises(folder / name, head)), None)
-            )
-    assert {name for name, _ in READERS.items() if READERS.is_built_in(name)} | {None} == used
+        path = folder / name
+        reader = recognised(path, path.read_bytes()[:HEAD_BYTES] if path.is_file() else b"")
+        used.add(next(key for key, one in READERS.items() if one is reader))
+    assert used == set(READERS)
 
 
 def test_a_size_that_is_given_is_said_to_be_given(built):
     name, path = built
     if name in ("aedat2",):
         with pytest.raises(RecordingError, match="contradicts the header"):
-            check_import([path], sensor=VGA)
+            check_import(ImportOrder([path], sensor=VGA))
         return
     size = SensorSize(1280, 720) if name in ("m3ed", "sony folder") else VGA
-    facts = check_import([path], sensor=size)
+    facts = check_import(ImportOrder([path], sensor=size))
     assert facts is not None
     assert {(camera.sensor_from, camera.width_px) for camera in facts.cameras} == {("option", size.width_px)}
     assert not any("sensor size" in line for line in facts.assumed)
@@ -205,7 +205,7 @@ def test_what_is_left_out_and_put_right_is_counted(tmp_path):
     lines[700] = "99000000,3,3,0"
     lines[900] = "10000,3,3,7"
     path.write_text("t_us,x,y,p\n" + "\n".join(lines) + "\n")
-    facts = check_import([path], sensor=SensorSize(30, 20))
+    facts = check_import(ImportOrder([path], sensor=SensorSize(30, 20)))
     assert facts is not None
     (camera,) = facts.cameras
     assert camera.left_out == {
@@ -220,12 +220,12 @@ def test_reserved_words_and_addresses_outside_are_counted_in_a_stream(tmp_path):
     words = [0x8001, 0x6002, 0x0003, 0x2005, 0x1234, 0xB000, 0x2000 | 700, 0x2006] + [0x2007] * 400
     path = tmp_path / "a.raw"
     path.write_bytes(b"% format EVT3;height=480;width=640\n% end\n" + np.array(words, "<u2").tobytes() + b"\0")
-    facts = check_import([path])
+    facts = check_import(ImportOrder([path]))
     assert facts is not None
     assert facts.cameras[0].left_out == {"bytes at the end": 1, "reserved words": 2}
     words[4:6] = []
     path.write_bytes(b"% format EVT3;height=480;width=640\n% end\n" + np.array(words, "<u2").tobytes())
-    facts = check_import([path])
+    facts = check_import(ImportOrder([path]))
     assert facts is not None
     assert facts.cameras[0].left_out == {"outside the sensor": 1}
     assert facts.cameras[0].events == 402
@@ -236,7 +236,7 @@ def test_what_is_stated_counts_and_a_contradiction_is_said(tmp_path, unit):
     path = tmp_path / "a.csv"
     path.write_text("t_us,x,y,p\n1000,1,2,1\n3000,3,4,2\n")
     stated = Stated(unit, {"1": True, "2": False})
-    facts = check_import([path], sensor=VGA, stated=stated)
+    facts = check_import(ImportOrder([path], sensor=VGA, stated=stated))
     assert facts is not None
     (camera,) = facts.cameras
     assert (camera.time_unit_from, camera.polarity_from) == ("option", "option")
@@ -248,7 +248,7 @@ def test_what_is_stated_counts_and_a_contradiction_is_said(tmp_path, unit):
 def test_options_that_a_format_does_not_need_are_said_to_be_unused(tmp_path):
     path = tmp_path / "a.raw"
     write_evt4(path)
-    facts = check_import([path], stated=Stated("ns", {"1": False, "0": True}))
+    facts = check_import(ImportOrder([path], stated=Stated("ns", {"1": False, "0": True})))
     assert facts is not None
     assert [note for note in facts.notes if "was not used" in note] == [
         "--time-unit was not used: Prophesee EVT4 defines its time unit.",
@@ -259,16 +259,16 @@ def test_options_that_a_format_does_not_need_are_said_to_be_unused(tmp_path):
 def test_a_plain_file_needs_no_look_and_a_check_can_be_cut_short(tmp_path):
     path = tmp_path / "a.hdf5"
     FORMATS["metavision"](path, random_events(300_000, seed=1, duration_us=900_000, sensor=VGA))
-    whole = check_import([path])
+    whole = check_import(ImportOrder([path]))
     assert whole is not None and not whole.needs_a_look
-    first = check_import([path], longest_s=0.0)
+    first = check_import(ImportOrder([path]), longest_s=0.0)
     assert first is not None and not first.complete
     assert first.cameras[0].events < whole.cameras[0].events == 300_000
     assert dataclasses.replace(first.cameras[0], events=0, on_events=0, off_events=0, first_us=0, last_us=0,
                                polarity="") == dataclasses.replace(
         whole.cameras[0], events=0, on_events=0, off_events=0, first_us=0, last_us=0, polarity=""
     )  # fmt: skip
-    assert check_import([path], cancelled=lambda: True) is None
+    assert check_import(ImportOrder([path]), cancelled=lambda: True) is None
 
 
 def test_polarities_of_metavision_records_are_looked_at(tmp_path):
@@ -278,10 +278,10 @@ def test_polarities_of_metavision_records_are_looked_at(tmp_path):
     with h5py.File(path, "w") as file:
         file["CD/events"] = records
         file.attrs["geometry"] = "640x480"
-    facts = check_import([path])
+    facts = check_import(ImportOrder([path]))
     assert facts is not None and facts.cameras[0].polarity == "-1 = OFF, 1 = ON"
     records["p"][1:5] = 5
     with h5py.File(path, "w") as file:
         file["CD/events"] = records
     with pytest.raises(RecordingError, match="which polarity is ON cannot be told"):
-        check_import([path])
+        check_import(ImportOrder([path]))

@@ -13,7 +13,7 @@ import pytest
 from core.cameras import Camera
 from core.errors import RecordingError
 from core.events import SensorSize
-from core.recordings import RecordingWriter, import_recording, open_recording
+from core.recordings import ImportOrder, RecordingWriter, import_recording, open_recording
 from core.recordings.frame_import import FrameInput
 
 SENSOR = SensorSize(346, 260)
@@ -31,7 +31,7 @@ def pair(tmp_path, make_events, write_foreign):
 
 def test_two_sources_share_the_clock_of_the_first_event(tmp_path, pair):
     path_left, path_right, left, right = pair
-    summary = import_recording([path_left, path_right], tmp_path / "a.h5")
+    summary = import_recording(ImportOrder([path_left, path_right]), tmp_path / "a.h5")
     assert summary is not None
     assert summary.events == {"left": 20_000, "right": 10_000}
     assert summary.duration_us == 200_500
@@ -48,7 +48,7 @@ def test_two_sources_share_the_clock_of_the_first_event(tmp_path, pair):
 @pytest.mark.parametrize("offset_us", [-900, 300])
 def test_the_offset_is_added_to_the_clock_of_the_second_source(tmp_path, pair, offset_us):
     path_left, path_right, left, right = pair
-    import_recording([path_left, path_right], tmp_path / "a.h5", offset_us=offset_us, names=["a", "b"])
+    import_recording(ImportOrder([path_left, path_right], offset_us=offset_us, names=["a", "b"]), tmp_path / "a.h5")
     zero = min(7_000_000, 7_000_500 + offset_us)
     with open_recording(tmp_path / "a.h5") as recording:
         a, b = recording.cameras["a"], recording.cameras["b"]
@@ -61,7 +61,7 @@ def test_the_offset_is_added_to_the_clock_of_the_second_source(tmp_path, pair, o
 def test_triggers_are_kept(tmp_path, make_events, write_foreign):
     events = make_events(3_000, seed=4, duration_us=30_000, sensor=SENSOR, start_us=7_000_000)
     path = write_foreign("evt2.1", tmp_path / "a.raw", events)  # with a trigger at its first event
-    summary = import_recording([path], tmp_path / "a.h5")
+    summary = import_recording(ImportOrder([path]), tmp_path / "a.h5")
     assert summary is not None and list(summary.triggers.values()) == [1]
     with open_recording(tmp_path / "a.h5") as recording:
         (camera,) = recording.cameras.values()
@@ -70,7 +70,7 @@ def test_triggers_are_kept(tmp_path, make_events, write_foreign):
 
 def test_real_triggers_are_kept(shared_events, tmp_path):
     path = shared_events / "walker_evt3_640x480.raw"
-    summary = import_recording([path, shared_events / "walker_metavision_ecf.hdf5"], tmp_path / "a.h5")
+    summary = import_recording(ImportOrder([path, shared_events / "walker_metavision_ecf.hdf5"]), tmp_path / "a.h5")
     assert summary is not None and summary.triggers == {"left": 4157, "right": 0}
     with open_recording(tmp_path / "a.h5") as recording:
         left, right = recording.cameras.values()
@@ -87,7 +87,7 @@ def test_importing_again_is_the_same_recording_and_importing_otherwise_is_not(tm
     for number, (paths, offset_us) in enumerate(
         [([path_left], 0), ([path_left], 0), ([path_left, path_right], 0), ([path_left, path_right], 5)]
     ):
-        import_recording(paths, tmp_path / f"{number}.h5", offset_us=offset_us)
+        import_recording(ImportOrder(paths, offset_us=offset_us), tmp_path / f"{number}.h5")
         with open_recording(tmp_path / f"{number}.h5") as recording:
             identities.append(recording.uuid)
     with open_recording(path_left) as recording:
@@ -99,18 +99,18 @@ def test_importing_again_is_the_same_recording_and_importing_otherwise_is_not(tm
 def test_progress_rises_to_one_and_cancelling_leaves_no_file(tmp_path, pair):
     path_left, *_ = pair
     shares: list[float] = []
-    import_recording([path_left], tmp_path / "a.h5", progress=shares.append)
+    import_recording(ImportOrder([path_left]), tmp_path / "a.h5", progress=shares.append)
     assert shares == sorted(shares) and shares[-1] == 1.0
-    assert import_recording([path_left], tmp_path / "b.h5", cancelled=lambda: True) is None
+    assert import_recording(ImportOrder([path_left]), tmp_path / "b.h5", cancelled=lambda: True) is None
     assert not (tmp_path / "b.h5").exists()
 
 
 def test_the_folder_of_the_recording_is_made(tmp_path, pair):
     path_left, *_ = pair
-    assert import_recording([path_left], tmp_path / "data" / "recordings" / "a.h5") is not None
+    assert import_recording(ImportOrder([path_left]), tmp_path / "data" / "recordings" / "a.h5") is not None
     (tmp_path / "file").write_text("no folder")
     with pytest.raises(RecordingError, match="cannot make the folder"):
-        import_recording([path_left], tmp_path / "file" / "a.h5")
+        import_recording(ImportOrder([path_left]), tmp_path / "file" / "a.h5")
 
 
 def test_an_error_on_the_way_leaves_no_file(tmp_path):
@@ -118,7 +118,7 @@ def test_an_error_on_the_way_leaves_no_file(tmp_path):
     lines = [f"{1000 * i},1,1,1\n" for i in range(150_000)]
     path.write_text("t,x,y,p\n" + "".join(lines) + "5,1,1,1\n" * 2)
     with pytest.raises(RecordingError, match="time runs"):
-        import_recording([path], tmp_path / "a.h5")
+        import_recording(ImportOrder([path]), tmp_path / "a.h5")
     assert not (tmp_path / "a.h5").exists()
 
 
@@ -128,23 +128,23 @@ def test_what_makes_no_sense_is_refused_in_one_line(tmp_path, pair, write_foreig
     late = make_events(100, seed=1, duration_us=1000, sensor=SENSOR, start_us=10**13)
     far = write_foreign("npz", tmp_path / "far", late)
     with pytest.raises(RecordingError, match="the clocks have nothing in common; got left begins at 7000000 us and"):
-        import_recording([path_left, far], target)
+        import_recording(ImportOrder([path_left, far]), target)
     with pytest.raises(RecordingError, match="the names do not fit; expected 2 different ones, got a,a"):
-        import_recording([path_left, path_right], target, names=["a", "a"])
+        import_recording(ImportOrder([path_left, path_right], names=["a", "a"]), target)
     with pytest.raises(RecordingError, match="would replace its own source"):
-        import_recording([path_left], path_left, overwrite=True)
+        import_recording(ImportOrder([path_left]), path_left, overwrite=True)
     with RecordingWriter(target, {"left": SENSOR}):
         pass
     with pytest.raises(RecordingError, match="the file exists; choose another name, or --force"):
-        import_recording([path_left], target)
+        import_recording(ImportOrder([path_left]), target)
     with pytest.raises(RecordingError, match="it is a recording already"):
-        import_recording([target], tmp_path / "b.h5")
-    assert import_recording([path_left], target, overwrite=True) is not None
+        import_recording(ImportOrder([target]), tmp_path / "b.h5")
+    assert import_recording(ImportOrder([path_left]), target, overwrite=True) is not None
 
 
 def test_a_pair_that_does_not_overlap_is_noted(tmp_path, pair):
     path_left, path_right, *_ = pair
-    summary = import_recording([path_left, path_right], tmp_path / "a.h5", offset_us=900_000)
+    summary = import_recording(ImportOrder([path_left, path_right], offset_us=900_000), tmp_path / "a.h5")
     assert summary is not None
     assert "The cameras do not overlap in time; an offset between their clocks may be missing." in summary.notes
 
@@ -152,14 +152,16 @@ def test_a_pair_that_does_not_overlap_is_noted(tmp_path, pair):
 def test_the_calibration_goes_along(tmp_path, pair):
     path_left, path_right, *_ = pair
     camera = Camera(SENSOR, np.array([[300.0, 0, 170], [0, 300, 130], [0, 0, 1]]), np.zeros(5), np.eye(4))
-    import_recording([path_left], tmp_path / "a.h5", calibration={"any": camera})
+    import_recording(ImportOrder([path_left], calibration={"any": camera}), tmp_path / "a.h5")
     with open_recording(tmp_path / "a.h5") as recording:
         kept = recording.cameras["camera"].calibration
         assert kept is not None and kept.K[0, 0] == 300
     with pytest.raises(RecordingError, match="calibration of an unknown camera; expected left, right, got any"):
-        import_recording([path_left, path_right], tmp_path / "b.h5", calibration={"any": camera})
+        import_recording(ImportOrder([path_left, path_right], calibration={"any": camera}), tmp_path / "b.h5")
     with pytest.raises(RecordingError, match="is for another sensor; expected 640x480, got 346x260"):
-        import_recording([path_right], tmp_path / "c.h5", sensor=SensorSize(640, 480), calibration={"any": camera})
+        import_recording(
+            ImportOrder([path_right], sensor=SensorSize(640, 480), calibration={"any": camera}), tmp_path / "c.h5"
+        )
 
 
 def test_pictures_go_along_on_the_clock_of_the_events(tmp_path, pair):
@@ -172,7 +174,7 @@ def test_pictures_go_along_on_the_clock_of_the_events(tmp_path, pair):
         cv2.imwrite(str(folder / f"{number}.png"), cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
     times = tmp_path / "times.csv"
     times.write_text("t_us\n7010000\n7020000\n7030000\n")
-    import_recording([path_left], tmp_path / "a.h5", frames=FrameInput(folder, times, 4000))
+    import_recording(ImportOrder([path_left], frames=FrameInput(folder, times, 4000)), tmp_path / "a.h5")
     with open_recording(tmp_path / "a.h5") as recording:
         assert list(recording.cameras) == ["camera"]
         frames = recording.frames["rgb"]
@@ -181,17 +183,17 @@ def test_pictures_go_along_on_the_clock_of_the_events(tmp_path, pair):
         np.testing.assert_array_equal(frames.image(1), images[1])
     times.write_text("7010000\n7020000\n")
     with pytest.raises(RecordingError, match="frames and frame times differ in number; expected 2, got 3"):
-        import_recording([path_left], tmp_path / "b.h5", frames=FrameInput(folder, times, 4000))
+        import_recording(ImportOrder([path_left], frames=FrameInput(folder, times, 4000)), tmp_path / "b.h5")
     times.write_text("7010000\nsoon\n")
     with pytest.raises(RecordingError, match="line 2: not a frame time; expected whole microseconds, got 'soon'"):
-        import_recording([path_left], tmp_path / "b.h5", frames=FrameInput(folder, times, 4000))
+        import_recording(ImportOrder([path_left], frames=FrameInput(folder, times, 4000)), tmp_path / "b.h5")
     assert not (tmp_path / "b.h5").exists()
 
 
 STEPWISE_IMPORT = """
 import sys
 from pathlib import Path
-from core.recordings import import_recording
+from core.recordings import ImportOrder, import_recording
 import core.recordings.importing as importing
 import core.recordings.sources.dat as dat
 importing._FLUSH_S = 0.0
@@ -199,7 +201,7 @@ dat._BLOCK_EVENTS = 8192
 def tick(share):
     print(share, flush=True)
     sys.stdin.readline()
-import_recording([Path(sys.argv[1])], Path(sys.argv[2]), progress=tick)
+import_recording(ImportOrder([Path(sys.argv[1])]), Path(sys.argv[2]), progress=tick)
 """
 
 
@@ -239,8 +241,10 @@ def test_a_calibration_of_other_names_is_refused_with_the_names_to_give(tmp_path
     camera = Camera(SENSOR, np.array([[300.0, 0, 170], [0, 300, 130], [0, 0, 1]]), np.zeros(5), np.eye(4))
     both = {"cam0": camera, "cam1": camera}
     with pytest.raises(RecordingError, match=r"got cam0, cam1; --names cam0,cam1 if they are the same"):
-        import_recording([path_left, path_right], tmp_path / "a.h5", calibration=both)
-    summary = import_recording([path_left, path_right], tmp_path / "a.h5", calibration={"right": camera, "top": camera})
+        import_recording(ImportOrder([path_left, path_right], calibration=both), tmp_path / "a.h5")
+    summary = import_recording(
+        ImportOrder([path_left, path_right], calibration={"right": camera, "top": camera}), tmp_path / "a.h5"
+    )
     assert summary is not None
     assert "The calibration of top is left out: there is no such camera." in summary.notes
     assert "The calibration has no camera left." in summary.notes
@@ -252,14 +256,14 @@ def test_a_calibration_of_other_names_is_refused_with_the_names_to_give(tmp_path
 def test_a_calibration_of_another_size_is_refused_with_the_likely_cause(tmp_path, pair, size, said):
     camera = Camera(SensorSize(*size), np.array([[300.0, 0, 100], [0, 300, 100], [0, 0, 1]]), np.zeros(5), np.eye(4))
     with pytest.raises(RecordingError, match=said):
-        import_recording([pair[0]], tmp_path / "a.h5", calibration={"any": camera})
+        import_recording(ImportOrder([pair[0]], calibration={"any": camera}), tmp_path / "a.h5")
 
 
 def test_files_of_a_pair_that_are_called_as_the_other_camera_are_said(tmp_path, pair):
     paths = [tmp_path / "my_right.raw", tmp_path / "my_left.raw"]
     for path, source in zip(paths, pair[:2], strict=True):
         path.write_bytes(source.read_bytes())
-    summary = import_recording(paths, tmp_path / "a.h5")
+    summary = import_recording(ImportOrder(paths), tmp_path / "a.h5")
     assert summary is not None and "they may be exchanged" in summary.notes[0]
-    summary = import_recording(paths[::-1], tmp_path / "b.h5")
+    summary = import_recording(ImportOrder(paths[::-1]), tmp_path / "b.h5")
     assert summary is not None and "exchanged" not in " ".join(summary.notes)

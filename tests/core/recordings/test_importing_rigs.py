@@ -7,7 +7,7 @@ import pytest
 from app.cli.main import main
 from core.errors import RecordingError
 from core.events import SensorSize
-from core.recordings import import_recording, open_recording
+from core.recordings import ImportOrder, import_recording, open_recording
 from core.recordings.frame_import import FrameInput
 from core.recordings.sources.folders import camera_names
 
@@ -31,7 +31,7 @@ def rig(tmp_path, make_events, write_foreign):
 def test_cameras_of_any_make_and_size_become_one_recording_with_a_clock_each(tmp_path, rig):
     paths = [path for path, _ in rig.values()]
     offsets_us = (0, 120, -40)
-    summary = import_recording(paths, tmp_path / "a.h5", offset_us=offsets_us)
+    summary = import_recording(ImportOrder(paths, offset_us=offsets_us), tmp_path / "a.h5")
     assert summary is not None and list(summary.events) == list(SIZES)
     zero = min(int(events.t_us[0]) + add for (_, events), add in zip(rig.values(), offsets_us, strict=True))
     with open_recording(tmp_path / "a.h5") as recording:
@@ -47,8 +47,8 @@ def test_a_folder_is_the_recording_of_its_files(tmp_path, rig):
     folder = next(iter(rig.values()))[0].parent
     (folder / "pair.clock.csv").write_text("stamp_us,shift_us\n")
     (folder / "rig.yaml").write_text("a: 1\n")
-    assert import_recording([folder], folder / "all.h5", offset_us=(5, 6, 7)) is not None
-    again = import_recording([folder], tmp_path / "again.h5")
+    assert import_recording(ImportOrder([folder], offset_us=(5, 6, 7)), folder / "all.h5") is not None
+    again = import_recording(ImportOrder([folder]), tmp_path / "again.h5")
     assert again is not None and list(again.events) == ["left", "right", "top"]  # by name
     with open_recording(folder / "all.h5") as recording:
         assert recording.cameras["left"].sensor == SIZES["left"]
@@ -61,7 +61,7 @@ def test_a_folder_of_folders_names_its_cameras_by_them(tmp_path, rig):
     for name, (path, _) in rig.items():
         (parent / name).mkdir(parents=True)
         path.rename(parent / name / f"events{path.suffix}")
-    summary = import_recording([parent], tmp_path / "a.h5")
+    summary = import_recording(ImportOrder([parent]), tmp_path / "a.h5")
     assert summary is not None and set(summary.events) == set(SIZES)
 
 
@@ -73,7 +73,7 @@ def test_event_and_frame_cameras_stand_in_one_recording(tmp_path, rig):
     times = tmp_path / "times.csv"
     times.write_text("".join(f"{9_000_000 + 10_000 * number}\n" for number in range(3)))
     paths = [path for path, _ in rig.values()]
-    import_recording(paths, tmp_path / "a.h5", frames=FrameInput(pictures, times, 1000))
+    import_recording(ImportOrder(paths, frames=FrameInput(pictures, times, 1000)), tmp_path / "a.h5")
     with open_recording(tmp_path / "a.h5") as recording:
         assert list(recording.cameras) == list(SIZES)
         assert list(recording.frames) == ["rgb"] and len(recording.frames["rgb"]) == 3
@@ -82,11 +82,11 @@ def test_event_and_frame_cameras_stand_in_one_recording(tmp_path, rig):
 def test_wrong_numbers_are_told_in_one_line(tmp_path, rig):
     paths, target = [path for path, _ in rig.values()], tmp_path / "a.h5"
     with pytest.raises(RecordingError, match=r"offsets do not fit.*3: one for each source.*got 2"):
-        import_recording(paths, target, offset_us=(1, 2))
+        import_recording(ImportOrder(paths, offset_us=(1, 2)), target)
     with pytest.raises(RecordingError, match=r"names do not fit.*3 different"):
-        import_recording(paths, target, names=["a", "b"])
+        import_recording(ImportOrder(paths, names=["a", "b"]), target)
     with pytest.raises(RecordingError, match="not a sensor size for each source"):
-        import_recording(paths, target, sensor=[SIZES["top"]] * 2)
+        import_recording(ImportOrder(paths, sensor=[SIZES["top"]] * 2), target)
     assert not target.exists()
 
 
@@ -105,7 +105,7 @@ def test_offsets_of_a_pair_are_the_same_recording_as_one_number(tmp_path, rig):
     paths = [path for path, _ in rig.values()][:2]
     uuids = []
     for number, offset_us in enumerate((120, (0, 120), (0, 121))):
-        import_recording(paths, tmp_path / f"{number}.h5", offset_us=offset_us)
+        import_recording(ImportOrder(paths, offset_us=offset_us), tmp_path / f"{number}.h5")
         with open_recording(tmp_path / f"{number}.h5") as recording:
             uuids.append(recording.uuid)
     assert uuids[0] == uuids[1] != uuids[2]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from core.trajectory.arc import Arcs, fit_arcs, reflect, time_back_to, time_down_to
+from core.trajectory.continuation import Arcs, fit_arcs, reflect, time_back_to, time_down_to
 
 pytestmark = pytest.mark.numeric
 G = 9.81

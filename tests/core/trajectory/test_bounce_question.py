@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from core.table import BALL_RADIUS_M, GRAVITY_MPS2, TABLE_LENGTH_M, TABLE_WIDTH_M
+from core.trajectory.ball_filter import LONGEST_S, SIGMAS, BounceQuestion, TableTouch, coming_contact
 from core.trajectory.ball_kernel import HIGHER, STATE, glide
-from core.trajectory.bounce_question import LONGEST_S, SIGMAS, BounceQuestion, TableTouch, coming_contact
 from core.trajectory.filter_kernel import ProcessNoise, bounce_estimate, move
 from core.trajectory.observation import GATE, PointObservation
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from core.table import BALL_RADIUS_M, GRAVITY_MPS2
-from core.trajectory.arc import Arcs
-from core.trajectory.continuation import Continuation, continue_flights
+from core.trajectory.continuation import Arcs, Continuation, continue_flights
 
 pytestmark = pytest.mark.numeric
 HIT_X_M = -1.42

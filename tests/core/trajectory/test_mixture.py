@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from core.trajectory.ball_kernel import LIFT, TOUCHES
+from core.trajectory.filter import Foreseen, MixedPaths, Paths, mix
 from core.trajectory.filter_kernel import ROWS
-from core.trajectory.mixture import Foreseen, MixedPaths, Paths, mix
 
 pytestmark = pytest.mark.numeric
 

@@ -7,9 +7,8 @@ from core.cameras import StereoRig
 from core.cameras.presets import camera_preset
 from core.trajectory import FilterPredictor, PixelObservation
 from core.trajectory.ball_kernel import AHEAD, LIFT, STATE, fly_and_bounce, glide
-from core.trajectory.filter_config import PROCESS_NOISE_KINDS, UNKNOWN
+from core.trajectory.filter_config import PROCESS_NOISE_KINDS, UNKNOWN, refined_filter
 from core.trajectory.observation import observe_pixel
-from core.trajectory.stereo_filters import refined_filter
 
 pytestmark = pytest.mark.numeric
 CAMERAS = camera_preset("corners")

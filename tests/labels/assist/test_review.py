@@ -12,8 +12,15 @@ from core.detection import refined_config
 from core.events import Events
 from labels.arrays import LabelArrays, label_arrays
 from labels.assist.blind import is_blind_sample, next_blind
-from labels.assist.propose import Proposals, accept, detector_name, joined_proposals, propose, steady_segment
-from labels.assist.residual import residual_of_neighbours
+from labels.assist.propose import (
+    Proposals,
+    accept,
+    detector_name,
+    joined_proposals,
+    propose,
+    residual_of_neighbours,
+    steady_segment,
+)
 from labels.assist.review import QueueConfig, review_queue
 from labels.model import Label, LabelState, PositionSource, Provenance
 from labels.store import LabelStore, Layer

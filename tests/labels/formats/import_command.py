@@ -7,7 +7,7 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +45,21 @@ class Outcome:
     def said(self) -> str:
         """Everything that a user reads of what was not taken, and of what was noted."""
         return "\n".join([self.error, *self.rejected, *self.notes])
+
+
+@dataclass(frozen=True)
+class Report:
+    """A public report of somebody with a file of labels, an input that we made after it, and what has to come of it."""
+
+    link: str
+    before: str
+    """What an import did when the report was first tried."""
+    kind: str
+    files: Mapping[str, str | bytes]
+    rows: list[Row] = field(default_factory=list)
+    says: str = ""
+    flags: tuple[str, ...] = ()
+    times: str = TIMES
 
 
 def make_recording(path: Path, cameras: Sequence[str] = ("camera",)) -> Path:

@@ -13,8 +13,8 @@ import pytest
 from core.errors import LabelError
 from core.events import Events, SensorSize
 from labels.formats import FORMATS, ExportOptions, ImportContext, LabelSet
+from labels.formats.documents import DocumentError, parse_xml
 from labels.formats.pictures import draw_events
-from labels.formats.xml_nodes import XmlError, parse_xml
 from labels.model import Label, LabelState
 
 SENSOR = SensorSize(1280, 720)
@@ -140,7 +140,7 @@ def test_a_declared_encoding_does_not_matter() -> None:
     ],
 )
 def test_xml_with_entities_or_without_end_is_refused(text: str, tmp_path: Path) -> None:
-    with pytest.raises(XmlError):
+    with pytest.raises(DocumentError):
         parse_xml(text)
     for name in ("voc", "cvat"):
         imported = read(name, tmp_path / "a.xml", text)

@@ -8,7 +8,7 @@ import pytest
 
 from core.errors import RecordingError
 from core.events import SensorSize
-from core.recordings import import_recording, open_recording
+from core.recordings import ImportOrder, import_recording, open_recording
 from labels.formats import FORMATS, ExportOptions, ImportContext, LabelSet
 from labels.model import Label, LabelState, PositionSource
 
@@ -46,7 +46,7 @@ def test_all_cameras_of_a_rally_are_on_the_clock_of_their_t0(tmp_path):
     write_rally(tmp_path, "evsA", 1_000_000)
     write_rally(tmp_path, "evsB", 1_002_000)
     (tmp_path / "rig.yaml").write_text(YAML)
-    import_recording([tmp_path / "h5"], tmp_path / "out.h5")
+    import_recording(ImportOrder([tmp_path / "h5"]), tmp_path / "out.h5")
     with open_recording(tmp_path / "out.h5") as recording:
         first, second = (recording.cameras[name].slice(0, 20_000) for name in ("evsA", "evsB"))
         assert first.t_us[:3].tolist() == [0, 3, 6]
@@ -63,11 +63,11 @@ def test_all_cameras_of_a_rally_are_on_the_clock_of_their_t0(tmp_path):
 def test_a_rally_whose_size_nobody_tells_is_refused_and_several_are_listed(tmp_path):
     here = write_rally(tmp_path, "evsA", 5)
     with pytest.raises(RecordingError, match="does not say how large the sensor is; give --width and --height"):
-        import_recording([here / "seq_001_a.h5"], tmp_path / "out.h5")
-    import_recording([here / "seq_001_a.h5"], tmp_path / "out.h5", sensor=SENSOR)
+        import_recording(ImportOrder([here / "seq_001_a.h5"]), tmp_path / "out.h5")
+    import_recording(ImportOrder([here / "seq_001_a.h5"], sensor=SENSOR), tmp_path / "out.h5")
     write_rally(tmp_path, "evsA", 5, name="seq_002_b")
     with pytest.raises(RecordingError, match=r"several rallies; got 2: seq_001_a\.h5, seq_002_b\.h5"):
-        import_recording([tmp_path / "h5"], tmp_path / "other.h5", sensor=SENSOR)
+        import_recording(ImportOrder([tmp_path / "h5"], sensor=SENSOR), tmp_path / "other.h5")
 
 
 def test_labels_lie_in_the_middle_of_their_millisecond_on_the_clock_of_the_recording(tmp_path):

@@ -19,7 +19,7 @@ from benchmarks.labels.label_shifts import (
     write_capture,
     write_labels,
 )
-from core.recordings import import_recording, open_recording
+from core.recordings import ImportOrder, import_recording, open_recording
 
 CAMERA = NAMES["left"]
 
@@ -77,7 +77,7 @@ def test_a_reference_that_cannot_be_placed_is_left_out_with_the_reason(
             table.write_text("\n".join([lines[0].replace("pos_x_label", "x"), *lines[1:]]))
         else:
             table.write_text("\n".join([lines[0], *lines[1::2]]))
-    import_recording([tmp_path / "h5"], tmp_path / "out.h5")
+    import_recording(ImportOrder([tmp_path / "h5"]), tmp_path / "out.h5")
     with open_recording(tmp_path / "out.h5") as recording:
         assert recording.ball is None
         notes = [note for note in recording.notes if "is left out" in note]

@@ -14,14 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import RecordingError
+from core.foreign_tables import FEW_ODD, UNIT_NAMES, UNITS_US, allowed_odd
 from core.recordings.layout import MAX_TIME_US
 from core.recordings.sources.source import POLARITY, TIME_UNIT, Columns, DecodeReport, Fact, RawColumns, Stated, Whence
 from core.recordings.sources.table_columns import addresses_from_column, has_fractions
 from core.recordings.sources.values.assumed_sizes import AddressCounts
 
-UNITS_US: Final = {"ns": 1e-3, "us": 1.0, "ms": 1e3, "s": 1e6}
-"""Unit of time -> microseconds."""
-UNIT_NAMES: Final = {"ns": "nanoseconds", "us": "microseconds", "ms": "milliseconds", "s": "seconds"}
 CLOCK_BITS: Final = (24, 31, 32)
 """Lengths of clocks that begin again at 0."""
 _EPOCHS: Final = (("ns", 1e17, 1e19), ("us", 1e14, 1e17), ("ms", 1e12, 3e12), ("s", 1e9, 3e9))
@@ -36,8 +34,6 @@ _LONGEST_STEP_US: Final = 1000.0
 _FINE_STEP_US: Final = 10.0
 """Steps of times as the clocks of cameras have them."""
 _MAX_VALUES: Final = 1000
-_ODD_SHARE: Final = 0.01
-_FEW_ODD: Final = 3
 _WORDS: Final = {
     "true": True, "on": True, "pos": True, "positive": True, "+": True, "up": True, "t": True, "p": True,
     "false": False, "off": False, "neg": False, "negative": False, "-": False, "down": False, "f": False, "n": False,
@@ -95,7 +91,7 @@ class Survey:
         return max(0.0, min(self.high_t - self.low_t, self.steps_t)) if self.rows else 0.0
 
     def _is_few(self, count: int) -> bool:
-        return count <= min(max(_FEW_ODD, _ODD_SHARE * self.rows), self.rows // 4)
+        return count <= min(allowed_odd(self.rows), self.rows // 4)
 
     def add(self, part: RawColumns) -> None:
         """Take in some rows."""
@@ -116,7 +112,7 @@ class Survey:
         count = len(t)
         if not count:
             return
-        odd = min(max(_FEW_ODD, count // 200), (count - 1) // 4)  # times that may lie apart from the others
+        odd = min(max(FEW_ODD, count // 200), (count - 1) // 4)  # times that may lie apart from the others
         low, high = np.partition(t, (odd, count - 1 - odd))[[odd, count - 1 - odd]]
         self.low_t, self.high_t = min(self.low_t, float(low)), max(self.high_t, float(high))
         if count > 1:
@@ -332,7 +328,7 @@ def _check_stated_unit(seen: Survey, unit: str, report: DecodeReport, where: str
             where=where,
             remedy="give --time-unit with the right one",
         )
-    if seen.rows > _FEW_ODD and span_us > _LONG_US and seen.rows < _SLOW_HZ * span_us / 1e6:
+    if seen.rows > FEW_ODD and span_us > _LONG_US and seen.rows < _SLOW_HZ * span_us / 1e6:
         text = f"only {1e6 * seen.rows / span_us:.1f} events/s over {span_us / 1e6:,.0f} s"
     elif seen.rows > _MANY_ROWS and 0 < span_us < _SHORT_US:
         text = f"all {seen.rows:,} events lie within {span_us / 1e3:g} ms"
@@ -355,7 +351,7 @@ def _polarity(seen: Survey, stated: Stated, report: DecodeReport, where: str) ->
         found, known = _known_pair(values)
     # Few odd values are damage (SensorsINI/v2e#41); more of them are a code that nobody here knows (1 and 2 in
     # tallamjr/evlib#57, 0 to 3 in better-flow/evimo#20).
-    allowed = min(max(_FEW_ODD, _ODD_SHARE * seen.rows), known // 4)
+    allowed = min(allowed_odd(seen.rows), known // 4)
     if found is None or seen.rows - known > allowed:
         raise _unknown_polarities(values, where)
     kept = {value: on for value, on in found.items() if value in values}
@@ -388,7 +384,7 @@ def _report_polarity(
     if large:
         why = "" if all(large) else " (-1 in a column without a sign)"
         report.assume(f"{where}: the polarities are read as {meanings}{why}.")
-    elif len(kept) == 1 and rows > _FEW_ODD:
+    elif len(kept) == 1 and rows > FEW_ODD:
         report.notes.append(f"{where}: all polarities are alike: {meanings}.")
 
 

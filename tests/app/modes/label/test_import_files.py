@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.modes.label.import_files import (
+from app.modes.label.label_files import (
     FOLDER,
     RING,
     SIDE_PX,

@@ -12,7 +12,7 @@ import pytest
 
 from app.modes.label import received_labels
 from app.modes.label.comparer import FOLDER as STORES
-from app.modes.label.import_files import FOLDER, MAX_ENTRIES, files_to_import
+from app.modes.label.label_files import FOLDER, MAX_ENTRIES, files_to_import
 from app.modes.label.received_labels import place_label_file
 from core.errors import LabelError
 from labels.model import Label, LabelState

@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.modes.label.side_layout import GAP_PX, LEAST_WIDTH_PX, MAIN_WIDTH_PX, choose_side_layout
+from app.modes.label.label_picture import GAP_PX, LEAST_WIDTH_PX, MAIN_WIDTH_PX, choose_side_layout
 
 RATIO = 9 / 16
 BASE_PX = MAIN_WIDTH_PX * RATIO + 98

@@ -21,8 +21,7 @@ from app.shared.trainer import Ended, RunState, Trainer, judge_run
 from app.shared.training_records import MetricsStore
 from app.shared.workspace import Workspace
 from core.learning.config import CurriculumConfig
-from core.learning.runs.control import RunStatus, hold_run, write_status
-from core.learning.runs.run_files import create_run, read_lines, seed_files
+from core.learning.runs.run_files import RunStatus, create_run, hold_run, read_lines, seed_files, write_status
 from core.physics.episode import Case
 from tests.app.modes.train.conftest import train_here
 from tests.app.modes.train.small_runs import small_run

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.modes.tune.compare_charts import chart_titles, method_columns
+from app.modes.tune.compare_panel import chart_titles, method_columns
 from app.modes.tune.compare_run import (
     MAX_STRETCHES,
     CompareRequest,
@@ -17,9 +17,11 @@ from app.modes.tune.compare_run import (
     stretch_names,
     stretches_html,
 )
+from app.modes.tune.label_score import find_reference, score_with_labels
 from core.detection.methods import METHODS, method_config
 from core.errors import CommandError
 from core.metrics.compare import ErrorRun
+from core.metrics.score import MATCH_RADIUS_PX
 from core.recordings import CameraStream, open_recording
 from labels.model import Label, LabelState
 from labels.store import LabelStore
@@ -106,6 +108,32 @@ def test_without_truth_the_labels_of_whoever_made_most_are_right_but_for_hidden_
     answer = run(request_of(WithoutTruth(stream), tmp_path))
     assert "against 4 labels by ann" in comparison_html(answer)
     assert [one.judged.recall for one in answer.methods] == [1.0, 1.0]
+
+
+def test_labels_are_counted_as_the_score_counts_them(stream, tmp_path: Path) -> None:
+    times = [300_300, 301_000, 303_700, 305_100]  # two closer to each other than a window, one far off, one wrong
+    there = stream.truth.at(times)
+    with LabelStore.open(tmp_path, "u", "left", "ann") as store:
+        for t_us, u_px, v_px, off_px in zip(
+            times, there.u_px.tolist(), there.v_px.tolist(), (0, 0, 20, 0), strict=True
+        ):
+            store.put(Label(t_us=t_us, state=LabelState.VISIBLE, x_px=u_px + off_px, y_px=v_px, r_px=6.0))
+        store.put(Label(t_us=times[-1], state=LabelState.NO_BALL))
+    answer = run(request_of(WithoutTruth(stream), tmp_path))
+    for one in answer.methods:
+        reference = find_reference(tmp_path, "u", "left")
+        score = score_with_labels(
+            *(tmp_path, reference, stream, one.method, method_config(one.method), 0),
+            progress=lambda share: None,
+            cancelled=lambda: False,
+        )
+        at_8_px = score.groups[0].at[-1]
+        assert at_8_px.tolerance_px == MATCH_RADIUS_PX
+        assert (one.judged.recall, one.judged.precision) == pytest.approx((at_8_px.recall, at_8_px.precision))
+        assert one.judged.recall == pytest.approx(2 / 3) and one.judged.precision == 0.5
+        assert one.judged.error_at(50) == pytest.approx(score.groups[0].median_px)
+        assert [stretch.start_us for stretch in one.missed] == [303_700]
+        assert len(one.judged.run.step_s) == len(times)
 
 
 class Forgets(WithoutTruth):

@@ -15,7 +15,7 @@ from core.detection.methods import method_config
 from core.events import SensorSize
 from core.live.link import messages as m
 from core.live.ring_recording import LiveConfig, RingRecording
-from core.metrics.sample import sample_method
+from core.metrics.run import sample_method
 from core.recordings import CameraStream, open_recording
 
 STRICT = replace_setting(method_config("refined"), ("refined", "points_min"), 200)

@@ -10,7 +10,7 @@ from app import theme
 from app.modes.watch.figures import learned_words
 from app.modes.watch.missed_ball import missed_html
 from app.modes.watch.status import drift_row, live_html, moment_html
-from core.cameras.epipolar import EpipolarDrift
+from core.cameras.stereo import EpipolarDrift
 from core.chain.calibration_drift import DriftReport
 from core.history.missed_balls import MissedBall
 from core.history.rally_history import Outcome, RallyHistory, RallyMoment, RallyStep, ShownPrediction

@@ -9,7 +9,7 @@ import pytest
 from app import theme
 from app.modes.watch.status import moment_html
 from app.modes.watch.stream_status import camera_rows, device_rows, lost_words, stream_html
-from core.chain.control.decision import RacketDecision
+from core.chain.control.controller import RacketDecision
 from core.devices import ClockEstimate
 from core.devices.camera_feed import FeedCounts
 from core.history.rally_history import Outcome, RallyHistory, RallyMoment

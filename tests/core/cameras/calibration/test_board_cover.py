@@ -8,9 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from core.cameras import Camera
 from core.cameras.calibration import Board, BoardView
-from core.cameras.calibration.board_cover import board_cover, missing_for_lens
-from core.cameras.calibration.cover_picture import cover_column
-from core.cameras.calibration.coverage import cells_of
+from core.cameras.calibration.coverage import board_cover, cells_of, cover_column, missing_for_lens
 from core.events import SensorSize
 from core.geometry import make_transform, transform_points
 

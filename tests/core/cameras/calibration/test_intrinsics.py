@@ -4,8 +4,7 @@ from scipy.spatial.transform import Rotation
 
 from core.cameras import Camera
 from core.cameras.calibration import Board, BoardView, calibrate_lens
-from core.cameras.calibration.board_cover import board_cover, odd_spacing
-from core.cameras.calibration.coverage import coverage
+from core.cameras.calibration.coverage import board_cover, coverage, odd_spacing
 from core.errors import CalibrationError, ConfigError
 from core.events import SensorSize
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from core.cameras import Camera, load_calibration
-from core.cameras.calibration.lens_file import save_lens
+from core.cameras.calibration.intrinsics import save_lens
 from core.errors import CalibrationError
 from core.events import SensorSize
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from core.cameras import stereo_preset
-from core.cameras.calibration.relative_pose import guess_relative_pose, sampson_distance
+from core.cameras.calibration.rig_chain import guess_relative_pose, sampson_distance
 from core.errors import CalibrationError
 from core.geometry import invert_transform
 

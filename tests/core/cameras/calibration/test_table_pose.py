@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from core.cameras import load_calibration, stereo_preset
-from core.cameras.calibration.table_calibration import place_at_table, write_table_calibration
 from core.cameras.calibration.table_corners import CORNERS, Clicks, read_clicks
-from core.cameras.calibration.table_pose import clicks_of, find_table_pose
-from core.cameras.epipolar import EpipolarPair
+from core.cameras.calibration.table_pose import clicks_of, find_table_pose, place_at_table, write_table_calibration
+from core.cameras.stereo import EpipolarPair
 from core.errors import CalibrationError
 
 pytestmark = pytest.mark.numeric

@@ -3,8 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from core.chain.control.controller import BuiltInController, ControllerConfig
-from core.chain.control.decision import RacketDecision
+from core.chain.control.controller import BuiltInController, ControllerConfig, RacketDecision
 from core.chain.control.stroke_solver import _is_safe, is_as_wanted, spin_after_bounce
 from core.physics import Strokes, TaskConfig
 from core.physics.episode import Arrivals, Outcomes

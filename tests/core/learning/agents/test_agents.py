@@ -100,7 +100,7 @@ def test_the_action_is_the_policys_with_that_noise_and_random_in_the_first_episo
     training = Training(short_run("ddpg", exploration=explore, ddpg=DdpgConfig(updates_per_episode=1)), 0)
     noises, drawn = [], []
     for n in range(45):
-        balls = training._backend.observe(training._deliveries[n : n + 1])
+        balls = training._backend.observe(training._batch[n : n + 1])
         wanted = training._agent.act(balls.states, balls.racket_speeds_mps, balls.goals_m)[0]
         line = training.play_episode()
         assert line["random"] == (n < 15)

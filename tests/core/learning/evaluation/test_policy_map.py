@@ -65,8 +65,8 @@ def test_the_serves_are_those_of_no_training_and_no_evaluation() -> None:
     ours = {tuple(row) for row in serves_of(KNOWN).serves.states().round(9).tolist()}
     others = [evaluation_balls(5.0, 500, KNOWN), validation_balls(5.0, 500, KNOWN)]
     others += [draw_serve_batch(5.0, 500, KNOWN, np.random.default_rng([seed, 0, 0])) for seed in range(5)]
-    for dealt in others:
-        assert not ours & {tuple(row) for row in dealt.serves.states().round(9).tolist()}
+    for drawn in others:
+        assert not ours & {tuple(row) for row in drawn.serves.states().round(9).tolist()}
 
 
 def test_a_racket_that_is_nowhere_near_counts_as_the_tables_length() -> None:

@@ -12,8 +12,20 @@ import pytest
 from core.errors import ConfigError
 from core.learning.config import CurriculumConfig, EnvironmentConfig, RunConfig
 from core.learning.evaluation.policy_evaluator import PolicyEvaluator
-from core.learning.runs.control import Control, RunStatus, hold_run, read_control, read_status, write_control
-from core.learning.runs.run_files import create_run, load_checkpoint, load_policy, read_lines, read_run, seed_files
+from core.learning.runs.run_files import (
+    Control,
+    RunStatus,
+    create_run,
+    hold_run,
+    load_checkpoint,
+    load_policy,
+    read_control,
+    read_lines,
+    read_run,
+    read_status,
+    seed_files,
+    write_control,
+)
 from core.learning.runs.running import run_training
 from tests.waiting import PATIENCE_S, eventually
 

@@ -12,8 +12,7 @@ import pytest
 from core.errors import ConfigError
 from core.jobs import ALONE, JobBackend
 from core.learning.config import CurriculumConfig, EnvironmentConfig, RunConfig
-from core.learning.runs.control import Control, read_status, write_control
-from core.learning.runs.run_files import create_run, read_lines, seed_files
+from core.learning.runs.run_files import Control, create_run, read_lines, read_status, seed_files, write_control
 from core.learning.runs.running import run_training
 from tests.waiting import eventually
 

@@ -109,7 +109,7 @@ def test_gymnasium_accepts_the_environment() -> None:
 
 def test_the_gymnasium_form_gives_the_outcomes_of_the_vectorised_one() -> None:
     balls = draw_serve_batch(5.0, 10, TRUTH, np.random.default_rng(5))
-    environment = OneStepReturn(deliveries=balls)
+    environment = OneStepReturn(batch=balls)
     actions = np.random.default_rng(6).uniform(-1, 1, (10, 3))
     outcomes = play(balls, np.float32(actions).astype(np.float64), TRUTH)
     errors = landing_errors_mm(outcomes, balls.goals_m)

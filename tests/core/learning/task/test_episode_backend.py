@@ -1,4 +1,4 @@
-"""Balls that are met and played one at a time, wherever that is."""
+"""Balls that are observed and played one at a time, wherever that is."""
 
 import dataclasses
 
@@ -18,27 +18,27 @@ EVENTS = EnvironmentConfig(state_source="events")
 SHIFT_M = 0.01
 
 
-class CrookedCourt:
+class BiasedBackend:
     """Cameras that see every ball a centimetre to the left, and every third one not at all."""
 
     def __init__(self) -> None:
         self.begun: list[int] = []
-        self.met = 0
+        self.observed = 0
 
     def begin(self, seed: int) -> None:
         self.begun.append(seed)
 
-    def observe(self, delivery: ServeBatch) -> ServeBatch:
-        self.met += 1
-        seen = self.met % 3 != 0
-        states = delivery.arrivals.observations + np.array([0, SHIFT_M, 0, 0, 0, 0])
-        aim_p, aim_t = (states[:, :3], delivery.arrivals.t_s) if seen else (np.full((1, 3), np.nan), np.full(1, np.nan))
+    def observe(self, batch: ServeBatch) -> ServeBatch:
+        self.observed += 1
+        seen = self.observed % 3 != 0
+        states = batch.arrivals.observations + np.array([0, SHIFT_M, 0, 0, 0, 0])
+        aim_p, aim_t = (states[:, :3], batch.arrivals.t_s) if seen else (np.full((1, 3), np.nan), np.full(1, np.nan))
         return dataclasses.replace(
-            delivery, seen=np.array([seen]), states=states if seen else 0 * states, aim_ps_m=aim_p, aim_t_s=aim_t
+            batch, seen=np.array([seen]), states=states if seen else 0 * states, aim_ps_m=aim_p, aim_t_s=aim_t
         )
 
-    def play(self, delivery: ServeBatch, action: np.ndarray) -> Outcomes:
-        return play(delivery, action, EVENTS)
+    def play(self, batch: ServeBatch, action: np.ndarray) -> Outcomes:
+        return play(batch, action, EVENTS)
 
     def close(self) -> None:
         pass
@@ -67,22 +67,22 @@ def test_one_ball_after_another_scores_as_all_at_once() -> None:
 
 
 def test_balls_met_one_by_one_can_be_played_together() -> None:
-    dealt = evaluation_balls(5.0, 9, EVENTS)
-    assert not dealt.seen.any()
-    met = observe_all(CrookedCourt(), dealt)
-    np.testing.assert_array_equal(met.seen, [True, True, False] * 3)
-    np.testing.assert_allclose((met.states - dealt.arrivals.observations)[met.seen, 1], SHIFT_M)
-    outcomes = play(met, np.zeros((9, 3)), EVENTS)
-    np.testing.assert_array_equal(outcomes.case == Case.MISSED, ~met.seen)
+    drawn = evaluation_balls(5.0, 9, EVENTS)
+    assert not drawn.seen.any()
+    observed = observe_all(BiasedBackend(), drawn)
+    np.testing.assert_array_equal(observed.seen, [True, True, False] * 3)
+    np.testing.assert_allclose((observed.states - drawn.arrivals.observations)[observed.seen, 1], SHIFT_M)
+    outcomes = play(observed, np.zeros((9, 3)), EVENTS)
+    np.testing.assert_array_equal(outcomes.case == Case.MISSED, ~observed.seen)
 
 
 def test_a_training_learns_from_what_its_court_saw() -> None:
-    backend = CrookedCourt()
+    backend = BiasedBackend()
     curriculum = CurriculumConfig(speeds_mps=(5.0,), episodes=(9,), replay="retain")
     training = Training(
         dataclasses.replace(default_run("landing-model"), environment=EVENTS, curriculum=curriculum), 4, backend
     )
     lines = [training.play_episode() for _ in range(9)]
-    assert backend.begun == [4] and backend.met == 9
+    assert backend.begun == [4] and backend.observed == 9
     assert [line["case"] == Case.MISSED for line in lines] == [False, False, True] * 3
     assert lines[-1]["buffer"] == 6  # what was never seen teaches nothing

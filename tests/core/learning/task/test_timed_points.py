@@ -20,12 +20,12 @@ def timed(**changes: float) -> EnvironmentConfig:
     return dataclasses.replace(TIMED, timing=TimingConfig(**changes))  # type: ignore[arg-type]
 
 
-def dealt(config: EnvironmentConfig, speed: float = 5.0, count: int = 12, seed: int = 3):
+def drawn(config: EnvironmentConfig, speed: float = 5.0, count: int = 12, seed: int = 3):
     return draw_serve_batch(speed, count, config, np.random.default_rng(seed))
 
 
 def test_without_errors_the_state_is_nearly_the_truth_and_the_bounce_was_found_by_itself() -> None:
-    balls = dealt(timed(error_scale=0.0))
+    balls = drawn(timed(error_scale=0.0))
     assert balls.seen.all() and balls.aim_t_s is not None
     off = balls.states - balls.arrivals.observations
     assert np.abs(off[:, :3]).max() < 0.002 and np.abs(off[:, 3:]).max() < 0.05
@@ -33,7 +33,7 @@ def test_without_errors_the_state_is_nearly_the_truth_and_the_bounce_was_found_b
 
 
 def test_errors_grow_with_their_scale() -> None:
-    small, large = (dealt(timed(error_scale=scale), count=30) for scale in (1.0, 10.0))
+    small, large = (drawn(timed(error_scale=scale), count=30) for scale in (1.0, 10.0))
     spread = [np.abs(b.states - b.arrivals.observations)[b.seen].mean() for b in (small, large)]
     assert 0 < 2 * spread[0] < spread[1]
 
@@ -41,7 +41,7 @@ def test_errors_grow_with_their_scale() -> None:
 @pytest.mark.parametrize("lead_ms", [50.0, 90.0])
 def test_the_stroke_is_decided_a_block_at_most_before_the_lead_is_all_that_is_left(lead_ms: float) -> None:
     config = timed(lead_ms=lead_ms)
-    balls = dealt(config)
+    balls = drawn(config)
     assert balls.turn_s is not None
     left_ms = 1e3 * balls.turn_s[balls.seen]
     assert (left_ms < lead_ms).all() and (left_ms > lead_ms - 1e3 * 0.0101 - 5).all()
@@ -50,7 +50,7 @@ def test_the_stroke_is_decided_a_block_at_most_before_the_lead_is_all_that_is_le
 def test_nothing_that_happens_after_the_decision_changes_what_is_known() -> None:
     """The same balls with another arrival: the truth behind the decision is bent, and nobody notices."""
     config = timed()
-    balls = dealt(config)
+    balls = drawn(config)
     again = observe_in_time(balls.serves, balls.arrivals, config, 1.0, np.random.default_rng(8))
     late = dataclasses.replace(balls.arrivals, states=balls.arrivals.states + 5.0)
     bent = observe_in_time(balls.serves, late, config, 1.0, np.random.default_rng(8))
@@ -61,7 +61,7 @@ def test_nothing_that_happens_after_the_decision_changes_what_is_known() -> None
 def test_every_ball_has_a_racket_speed_of_its_own() -> None:
     """Recorded balls arrive at all speeds: each is watched with its own racket, not with that of the first."""
     config = timed(lead_ms=10.0)  # so late that the racket cannot make up for what is new
-    balls = dealt(config)
+    balls = drawn(config)
 
     def aims(speeds_mps: object) -> np.ndarray:
         rng = np.random.default_rng(8)
@@ -74,7 +74,7 @@ def test_every_ball_has_a_racket_speed_of_its_own() -> None:
 
 
 def test_a_decision_before_the_bounce_is_predicted_through_it() -> None:
-    early = dealt(timed(lead_ms=200.0), count=30)
+    early = drawn(timed(lead_ms=200.0), count=30)
     assert early.turn_s is not None and early.aim_t_s is not None
     before = early.aim_t_s - early.turn_s < early.arrivals.bounce_t_s
     assert before.any(), "no ball was decided on before its bounce"
@@ -83,19 +83,19 @@ def test_a_decision_before_the_bounce_is_predicted_through_it() -> None:
 
 
 def test_a_ball_that_is_never_seen_is_missed() -> None:
-    balls = dealt(timed(seen_from_x_m=-1.4))
+    balls = drawn(timed(seen_from_x_m=-1.4))
     assert not balls.seen.any()
     assert (play(balls, np.zeros((12, 3)), TIMED).case == Case.MISSED).all()
 
 
 def test_balls_that_are_seen_are_met_by_the_racket() -> None:
-    balls = dealt(TIMED)
+    balls = drawn(TIMED)
     assert (play(balls, np.zeros((12, 3)), TIMED).case != Case.MISSED).all()
 
 
 def test_the_paper_s_rule_sees_less_well_than_the_filter() -> None:
     paper = dataclasses.replace(TIMED, timing=TimingConfig(predictor="paper"))
-    ours, theirs = dealt(TIMED, count=30), dealt(paper, count=30)
+    ours, theirs = drawn(TIMED, count=30), drawn(paper, count=30)
     both = ours.seen & theirs.seen
     assert both.sum() > 10
     spread = [np.abs(b.states - b.arrivals.observations)[both].mean() for b in (ours, theirs)]
@@ -123,7 +123,7 @@ def test_a_turn_takes_its_time() -> None:
     angles = np.array([[0.2, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.2, 0.0], [0.2, 0.0, 0.0]])
     share = turned_share(angles, np.array([0.1 / rate, 0.1, 0.05, -1.0]))
     assert share == pytest.approx([0.5, 1.0, 1.0, 0.0])
-    balls = dealt(TIMED, count=3)
+    balls = drawn(TIMED, count=3)
     actions = np.full((3, 3), 0.5)
     hurried = dataclasses.replace(balls, turn_s=np.zeros(3))
     still = strokes_of(hurried, actions, TIMED).qs_wxyz

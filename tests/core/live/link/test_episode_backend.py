@@ -10,8 +10,8 @@ from core.cameras import stereo_preset
 from core.errors import LinkError
 from core.events import SensorSize
 from core.learning.config import environment_profile
-from core.live.link.linked_backend import LinkEpisodeBackend
 from core.live.link.server import ServerConfig, SimulationServer
+from core.live.link.server_backends import ServerEpisodes
 from tests.waiting import PATIENCE_S
 
 
@@ -22,8 +22,8 @@ def test_a_training_for_another_physics_than_the_server_s_is_refused() -> None:
     thread.start()
     try:
         with pytest.raises(LinkError, match="--physics"):
-            LinkEpisodeBackend(environment_profile("real", state_source="truth"), server.address)
-        LinkEpisodeBackend(environment_profile("paper", state_source="truth"), server.address).close()
+            ServerEpisodes(environment_profile("real", state_source="truth"), server.address)
+        ServerEpisodes(environment_profile("paper", state_source="truth"), server.address).close()
     finally:
         ended.set()
         thread.join(PATIENCE_S)

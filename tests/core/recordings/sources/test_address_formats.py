@@ -1,4 +1,4 @@
-"""AEDAT 2.0 and 1.0 and the 40-bit events of N-MNIST, written here bit by bit."""
+"""AEDAT 2.0 and 1.0, written here bit by bit."""
 
 from __future__ import annotations
 
@@ -93,28 +93,3 @@ def test_version_1_has_addresses_of_16_bits(tmp_path):
     rows, _, source = read(write(tmp_path / "a.dat", header, [(dvs128(7, 9, False), 1234)], kind=">HI"))
     assert rows == [(1234, 7, 9, False)]
     assert source.format == "AEDAT 1.0, DVS128"
-
-
-def nmnist(x, y, on, t):
-    return bytes([x, y, int(on) << 7 | t >> 16, t >> 8 & 0xFF, t & 0xFF])
-
-
-def test_a_sample_of_n_mnist_has_its_values_and_its_clock_goes_on(tmp_path):
-    path = tmp_path / "00002.bin"
-    later = nmnist(1, 33, False, 7) + nmnist(2, 3, True, 70_000)
-    path.write_bytes(nmnist(33, 0, True, 5) + nmnist(0, 240, False, 6) + later)
-    rows, report, source = read(path)
-    assert rows == [(5, 33, 0, True), (8199, 1, 33, False), (78_192, 2, 3, True)]
-    assert (source.format, str(source.sensor)) == ("N-MNIST, 40-bit events", "34x34")
-    assert report.notes == [
-        "00002.bin does not name its sensor size; 34x34 is assumed, that of N-MNIST, 40-bit events."
-    ]
-
-
-def test_other_binary_files_are_not_taken_for_n_mnist(tmp_path):
-    files = {"a.bin": bytes(range(250, 0, -1)) * 2, "b.bin": b"\xff\x00" * 7, "c.dat": nmnist(1, 200, True, 5) * 2}
-    for name, data in files.items():
-        path = tmp_path / name
-        path.write_bytes(data)
-        with pytest.raises(RecordingError, match="the format is not recognised"):
-            open_sources(path)

@@ -1,3 +1,5 @@
+import io
+import pickle
 import zipfile
 from pathlib import Path
 
@@ -34,3 +36,32 @@ def test_a_column_that_claims_to_be_larger_than_any_memory_is_one_clear_error(tm
             archive.writestr(f"{name}.npy", column)
     with pytest.raises(RecordingError, match="cannot be read"):
         open_sources(path)
+
+
+def test_a_folder_of_anything_else_is_refused(tmp_path):
+    with pytest.raises(RecordingError, match="a folder without events"):
+        open_sources(tmp_path)
+
+
+@pytest.mark.parametrize("form", ["archive", "old archive", "pickle"])
+def test_a_pickled_file_is_refused_in_one_line_and_never_opened(tmp_path, form):
+    class Trap:
+        def __reduce__(self):
+            return (pytest.fail, ("a pickle was loaded",))
+
+    path = tmp_path / "labels.pt"
+    data = pickle.dumps({"ball_position": Trap()}, protocol=2)
+    if form == "archive":
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("labels/data.pkl", data)
+            archive.writestr("labels/version", "3\n")
+    elif form == "old archive":
+        path.write_bytes(pickle.dumps(0x1950A86A20F9469CFC6C, protocol=2) + data)
+    else:
+        file = io.BytesIO()
+        pickle.dump([1, 2], file)
+        path.write_bytes(file.getvalue())
+    with pytest.raises(RecordingError, match="a pickled file is not opened: it could run any program") as caught:
+        open_sources(path)
+    assert "numpy.savez" in str(caught.value)
+    assert "\n" not in str(caught.value)

@@ -8,7 +8,7 @@ import pytest
 
 from core.errors import RecordingError
 from core.events import SensorSize, concatenate_events
-from core.recordings import import_recording, open_recording
+from core.recordings import ImportOrder, import_recording, open_recording
 from core.recordings.sources import open_sources
 from core.recordings.sources.source import DecodeReport
 from tests.core.recordings.sources.ros.bag_writing import (
@@ -58,7 +58,7 @@ def test_arrays_of_events_are_read_from_every_kind_of_bag(tmp_path, kind, packag
 def test_the_start_of_a_bag_is_time_0_and_its_clock_is_kept(tmp_path):
     with BagMaker(tmp_path / "a.bag", "ros1") as bag:
         bag.add_events("/dvs/events", EVENTS)
-    import_recording([tmp_path / "a.bag"], tmp_path / "out.h5")
+    import_recording(ImportOrder([tmp_path / "a.bag"]), tmp_path / "out.h5")
     with open_recording(tmp_path / "out.h5") as recording:
         (camera,) = recording.cameras.values()
         assert camera.slice(0, 2_000_000).t_us.tolist() == [0, 0, 1_000_002, 1_000_003, 1_199_995]
@@ -164,7 +164,7 @@ def write_stereo(path, kind, *, transforms=False, rectified=False, model="plumb_
 def test_lenses_come_from_camera_info_and_poses_from_the_static_transforms(tmp_path, kind):
     path = bag_at(tmp_path, kind)
     write_stereo(path, kind, transforms=True)
-    import_recording([path], tmp_path / "out.h5")
+    import_recording(ImportOrder([path]), tmp_path / "out.h5")
     with open_recording(tmp_path / "out.h5") as recording:
         left, right = (recording.cameras[name].calibration for name in ("left", "right"))
         assert left is not None and right is not None
@@ -222,7 +222,7 @@ def test_pictures_of_the_event_camera_and_of_another_come_along(tmp_path, kind):
         header = bag.header((T0 + 160_000) * 1000)
         message = bag.make("sensor_msgs/msg/CompressedImage", header=header, format="png", data=png)
         bag.add("/side/image_raw/compressed", message, (T0 + 160_000) * 1000)
-    import_recording([path], tmp_path / "out.h5")
+    import_recording(ImportOrder([path]), tmp_path / "out.h5")
     with open_recording(tmp_path / "out.h5") as recording:
         assert list(recording.cameras) == ["camera"]
         assert set(recording.frames) == {"camera", "rgb", "side"}

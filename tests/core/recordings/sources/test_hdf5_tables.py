@@ -1,0 +1,59 @@
+"""HDF5 files of data sets and simulators, made here after their descriptions."""
+
+from __future__ import annotations
+
+import h5py
+import numpy as np
+import pytest
+
+from core.errors import RecordingError
+from core.events import SensorSize, concatenate_events
+from core.recordings.sources import open_sources
+from core.recordings.sources.source import DecodeReport
+
+T = np.array([5, 5, 9, 1_500_000])
+X = np.array([0, 319, 3, 100])
+Y = np.array([239, 0, 7, 50])
+P = np.array([1, 0, 0, 1])
+
+
+def read_all(source):
+    report = DecodeReport()
+    return concatenate_events(list(source.read(report)), source.sensor), report
+
+
+def write_v2e(path, polarity, frames=None):
+    with h5py.File(path, "w") as file:
+        rows = np.stack([T, X, Y, polarity], axis=1).astype("u4")
+        file.create_dataset("events", data=rows, maxshape=(None, 4), compression="gzip")
+        if frames is not None:
+            file["frame"] = frames
+
+
+@pytest.mark.parametrize("off", [0, 2**32 - 1])
+def test_a_v2e_file_gives_its_events_with_either_spelling_of_off(tmp_path, off):
+    path = tmp_path / "v2e.h5"
+    write_v2e(path, np.where(P == 1, 1, off))
+    (source,) = open_sources(path, SensorSize(320, 240))
+    events, report = read_all(source)
+    assert events.t_us.tolist() == T.tolist()
+    assert events.x_px.tolist() == X.tolist()
+    assert events.y_px.tolist() == Y.tolist()
+    assert events.on.tolist() == [True, False, False, True]
+    assert source.format == "v2e HDF5"
+    assert "the columns of /events are taken for t, x, y, p" in report.notes[0]
+
+
+def test_the_frames_of_a_v2e_file_tell_the_size_of_its_sensor(tmp_path):
+    path = tmp_path / "v2e.h5"
+    write_v2e(path, P, frames=np.zeros((2, 260, 346), "u1"))
+    (source,) = open_sources(path)
+    assert source.sensor == SensorSize(346, 260)
+
+
+def test_a_v2e_file_with_unknown_polarities_is_refused(tmp_path):
+    path = tmp_path / "v2e.h5"
+    write_v2e(path, np.array([1, 2, 0, 1]))
+    (source,) = open_sources(path, SensorSize(320, 240))
+    with pytest.raises(RecordingError, match=r"which polarity is ON cannot be told; .* got 0, 1, 2; give --polarity"):
+        read_all(source)
