@@ -22,6 +22,7 @@ LEFT_OUT: Final = (
     "tests/core/data_sets/test_index.py",
     "tests/core/devices/test_neuromorphic.py",
     "tests/core/jobs/test_cluster.py",
+    "tests/core/learning/runs/test_sb3_baselines.py",
     "tests/core/learning/test_gym_environment.py",
     "tests/core/recordings/test_import_facts.py",
     "tests/core/tuning/test_search.py",

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Callable, Mapping, Sequence
-from typing import TypeVar
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from app.export.rrd.paths import EPISODE, LANDINGS, PLOTS, TIMELINE, TRAIL, WORLD, picture_path, send_scalars
+from app.export.rrd.paths import EPISODE, LANDINGS, PLOTS, TIMELINE, TRAIL, WORLD, known, picture_path, send_scalars
 from app.export.selection import Span
 from app.export.steps import ChainStep
 from core.chain.follow import true_positions
@@ -19,7 +17,6 @@ from core.events import rate_curve
 from core.recordings import Recording
 from core.recordings.layout import Rows
 
-Part = TypeVar("Part")
 RATE_BIN_MS = 5
 REWARD = f"{PLOTS}/reward"
 COLOURS = ((255, 150, 50), (80, 150, 255), (110, 235, 130), (255, 90, 220))
@@ -122,7 +119,7 @@ def recording_blueprint(cameras: Mapping[str, bool], *, rewards: bool) -> rrb.Bl
         top = rrb.Horizontal(*pictures)
     return rrb.Blueprint(
         rrb.Vertical(top, rrb.Horizontal(*plots), row_shares=[7, 2]),
-        _known(rrb.TimePanel, state="collapsed", timeline=TIMELINE, playback_speed=0.1, play_state="playing"),
+        known(rrb.TimePanel, state="collapsed", timeline=TIMELINE, playback_speed=0.1, play_state="playing"),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
     )
@@ -134,24 +131,15 @@ def run_blueprint(seeds: Sequence[str], curves: Mapping[str, str]) -> rrb.Bluepr
     plots = [rrb.TimeSeriesView(origin=path, name=name, plot_legend=_LEGEND) for path, name in curves.items()]
     return rrb.Blueprint(
         rrb.Horizontal(rrb.Grid(*spots), rrb.Grid(*plots, grid_columns=2), column_shares=[1, 1]),
-        _known(rrb.TimePanel, state="collapsed", timeline=EPISODE, play_state="following"),
+        known(rrb.TimePanel, state="collapsed", timeline=EPISODE, play_state="following"),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
     )
 
 
-def _known(part: Callable[..., Part], **settings: object) -> Part:
-    """A part of a blueprint with those settings that this version of Rerun has.
-
-    The time panel has no timeline in 0.25, and the eye no place in 0.26: there the viewer takes its own.
-    """
-    names = inspect.signature(part).parameters
-    return part(**{name: value for name, value in settings.items() if name in names})
-
-
 def eye() -> rrb.EyeControls3D:
     """From the opponent's right: the whole table, the robot's end on the left."""
-    return _known(rrb.EyeControls3D, position=(1.5, -3.0, 1.55), look_target=(-0.25, 0.0, 0.0), eye_up=(0, 0, 1))
+    return known(rrb.EyeControls3D, position=(1.5, -3.0, 1.55), look_target=(-0.25, 0.0, 0.0), eye_up=(0, 0, 1))
 
 
 def _world() -> rrb.Spatial3DView:
@@ -181,7 +169,7 @@ def _landings(origin: str, name: str) -> rrb.Spatial3DView:
         contents=[f"+ /{WORLD}", f"+ /{WORLD}/table/**", f"+ /{WORLD}/net/**", f"+ /{origin}/**"],
         background=BACKGROUND,
         line_grid=False,
-        eye_controls=_known(
+        eye_controls=known(
             rrb.EyeControls3D, position=(-0.4, -2.6, 2.6), look_target=(0.3, 0.0, 0.0), eye_up=(0, 0, 1)
         ),
         overrides={f"{origin}/landing": recent},

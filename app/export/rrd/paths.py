@@ -4,12 +4,13 @@ Rerun itself packs it at the end.
 
 from __future__ import annotations
 
+import inspect
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 import rerun as rr
@@ -21,6 +22,7 @@ from core.errors import RecordingError
 from core.files import utf8_path
 from core.text import encodable
 
+Part = TypeVar("Part")
 TIMELINE: Final = "recording_time"
 """Microseconds since the start of the recording."""
 EPISODE: Final = "episode"
@@ -42,6 +44,16 @@ HALF_PIXEL: Final = 0.5
 def picture_path(camera: str, *, calibrated: bool) -> str:
     """The entity of a camera's pictures; everything drawn on them is below it. Only calibrated ones are in 3D."""
     return f"{WORLD}/cameras/{camera}/picture" if calibrated else f"pictures/{camera}"
+
+
+def known(part: Callable[..., Part], **settings: object) -> Part:
+    """A part of a file with those settings that this version of Rerun has.
+
+    Cameras have no colour in 0.24, the time panel no timeline in 0.25, and the eye no place in 0.26: there the viewer
+    takes its own.
+    """
+    names = inspect.signature(part).parameters
+    return part(**{name: value for name, value in settings.items() if name in names})
 
 
 def time_column(t_us: ArrayLike) -> rr.TimeColumn:

@@ -20,6 +20,7 @@ from app.export.rrd.paths import (
     RACKET_TARGET,
     TRAIL,
     WORLD,
+    known,
     lengths_of,
     picture_path,
     send,
@@ -123,7 +124,8 @@ def log_cameras(stream: rr.RecordingStream, cameras: Mapping[str, Camera | None]
         stream.log(path.rsplit("/", 1)[0], pose, static=True)
         K = camera.K.copy()
         K[:2, 2] += HALF_PIXEL
-        pinhole = rr.Pinhole(
+        pinhole = known(
+            rr.Pinhole,
             image_from_camera=K,
             resolution=[camera.sensor.width_px, camera.sensor.height_px],
             camera_xyz=rr.ViewCoordinates.RDF,
