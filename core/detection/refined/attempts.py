@@ -39,6 +39,8 @@ class Attempt(NamedTuple):
     start: MovingCircle | None = None
     """The first estimate, if that was refused."""
     on_sensor: bool = True
+    confirmed: bool = False
+    """Whether it would have continued a confirmed ball."""
     track: BallTrack | None = None
     """The track that the fit does not belong to although it is a possible ball, with its distance and the limit."""
     apart_px: float = 0.0
@@ -67,7 +69,10 @@ class Attempt(NamedTuple):
             differs = self.track.differs_in(self.ball, self.quality) if self.track.confirmed else ()
             return (*failed_limits([self.apart_px], [apart]), *differs)
         border = () if self.on_sensor else (Reason("centre outside the picture"),)
-        return (*failed_limits(fit_values(self.ball, self.quality), fit_limits(config)), *border)
+        return (
+            *failed_limits(fit_values(self.ball, self.quality), fit_limits(config, confirmed=self.confirmed)),
+            *border,
+        )
 
 
 def _start_values(start: MovingCircle) -> tuple[float, ...]:

@@ -109,18 +109,21 @@ def span_for(end_us: int, speed: float, reach: Reach) -> LookBack:
     history = min(max(reach.motion_px / speed, reach.history_min_ms), reach.history_max_ms)
     guard = min(max(0.8 / speed, 0.3), 4.0, 0.4 * history)
     before = min(max(1.5 / speed, 1.0), 5.0)
-    return LookBack(end_us, history + before, history, guard, reach.tail)
+    return LookBack(end_us, history + before, history, guard, reach.tail, 0)
 
 
 @njit
-def fit_ball(recent: Recent, work: Work, end_us: int, reach: Reach, band_px: float, rounds: int) -> bool:
+def fit_ball(
+    recent: Recent, work: Work, end_us: int, reach: Reach, band_px: float, rounds: int, polarity: int = 0
+) -> bool:
     """Fit from `work.fit.estimate` with its prior; estimate, quality and covariance are then in `work`.
 
-    Each round gathers the edge points anew, within a band that ends at `band_px`.
+    Each round gathers the edge points anew, within a band that ends at `band_px`. See `LookBack` for `polarity`.
     """
     estimate, bend = work.fit.estimate, work.fit.bend
     speed = math.hypot(estimate[2], estimate[3])
     span = span_for(end_us, speed, reach)
+    span = LookBack(span.end_us, span.gather_ms, span.history_ms, span.guard_ms, span.tail, polarity)
     asked = math.ceil(estimate[4] + speed * span.gather_ms + band_px + 3.0)
     count, x0, y0 = fill_patch(recent, work.patch, estimate[0], estimate[1], min(HALF, asked), span)
     fine = False

@@ -124,7 +124,7 @@ class RefinedDetector:
         self._brief = BRIEF._replace(tail=tail)
         self._work = blank_work()
         self._blobs = blank_blobs()
-        self._limits = fit_limits(config)
+        self._limits, self._limits_of_ball = fit_limits(config), fit_limits(config, confirmed=True)
         self._recorder: TraceRecorder | None = None
         self.reset()
 
@@ -270,7 +270,7 @@ class RefinedDetector:
         fit.information[:] = (place, place, along_u, along_v, radius, stretch)
         fit.bend[:] = expected.au, expected.av
         rounds = 1 if track.confirmed else 2
-        found = self._fit(origin, end_us, reach, band_px, rounds)
+        found = self._fit(origin, end_us, reach, band_px, rounds, track)
         if found is None:
             return False
         ball, quality = found
@@ -282,24 +282,27 @@ class RefinedDetector:
         return True
 
     def _fit(
-        self, origin: Origin, end_us: int, reach: Reach, band_px: float, rounds: int
+        self, origin: Origin, end_us: int, reach: Reach, band_px: float, rounds: int, track: BallTrack | None = None
     ) -> tuple[MovingCircle, Quality] | None:
-        """Fit from the start in `self._work.fit`; None if it cannot be a ball."""
+        """Fit from the start in `self._work.fit`, for a track or a new one; None if it cannot be a ball."""
         if self._recorder is not None:
             self._recorder.begin_fit(self._work.fit, reach)
         if self.config.edge == "soft":
             fitted = fit_soft(self._recent, self._work, end_us, reach, rounds)
         else:
-            fitted = fit_ball(self._recent, self._work, end_us, reach, band_px, rounds)
+            polarity = 0 if track is None else track.polarity
+            fitted = fit_ball(self._recent, self._work, end_us, reach, band_px, rounds, polarity)
         if not fitted:
             self._refuse(Attempt(origin, points=int(self._work.counts[0])))
             return None
         ball, quality = MovingCircle(*self._work.fit.estimate.tolist()), Quality(*self._work.quality.tolist())
         if self._recorder is not None:
             self._recorder.end_fit(origin, self._work, ball, quality)
-        if is_within(fit_values(ball, quality), self._limits) and self._on_sensor(ball):
+        confirmed = track is not None and track.confirmed
+        limits = self._limits_of_ball if confirmed else self._limits
+        if is_within(fit_values(ball, quality), limits) and self._on_sensor(ball):
             return ball, quality
-        self._refuse(Attempt(origin, ball, quality, on_sensor=self._on_sensor(ball)))
+        self._refuse(Attempt(origin, ball, quality, on_sensor=self._on_sensor(ball), confirmed=confirmed))
         return None
 
     def _refuse(self, attempt: Attempt) -> None:
@@ -358,7 +361,8 @@ class RefinedDetector:
         ball, quality = found
         if any(track.end_us == end_us and _apart_px(track.ball, ball) < ball.r for track in self.tracks):
             return
-        self.tracks.append(BallTrack(end_us, ball, self._work.covariance.copy(), quality, config=config))
+        covariance = self._work.covariance.copy()
+        self.tracks.append(BallTrack(end_us, ball, covariance, quality, config=config, sensor=self.sensor))
 
     def _choose(self, end_us: int) -> BallTrack | None:
         """The confirmed track; else the best newly confirmed one, which alone continues."""

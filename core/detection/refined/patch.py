@@ -27,10 +27,14 @@ class Patch(NamedTuple):
     last: NDArray[np.int32]
     turned: NDArray[np.int32]
     """The first event of the other polarity than the pixel's first one."""
+    before: NDArray[np.int32]
+    """The last event of the other polarity than the pixel's last one."""
     events: NDArray[np.int32]
     """Number of events of each pixel."""
     brighter: NDArray[np.bool_]
     """Whether each pixel's first event was ON."""
+    newest: NDArray[np.bool_]
+    """Whether each pixel's last event was ON."""
     touched: NDArray[np.int32]
     """Flat indices of the pixels with events, in order of their first event."""
     interior: NDArray[np.bool_]
@@ -67,14 +71,17 @@ class LookBack(NamedTuple):
     """A trailing edge point is one whose last event is at least as old."""
     tail: bool = False
     """Trailing edge points are first events of the trailing polarity instead: for a receptor with a long tail."""
+    polarity: int = 0
+    """1 for a ball that is known to be brighter than its ground, -1 for a darker one, 0 if that is not known."""
 
 
 def blank_patch() -> Patch:
     """An empty patch."""
     side = SIDE + 2
-    first, last, turned, events = np.zeros((4, side, side), np.int32)
-    brighter, interior = np.zeros((side, side), np.bool_), np.zeros(side * side, np.bool_)
-    return Patch(first, last, turned, events, brighter, np.zeros(side * side, np.int32), interior)
+    first, last, turned, before, events = np.zeros((5, side, side), np.int32)
+    brighter, newest = np.zeros((2, side, side), np.bool_)
+    touched, interior = np.zeros(side * side, np.int32), np.zeros(side * side, np.bool_)
+    return Patch(first, last, turned, before, events, brighter, newest, touched, interior)
 
 
 @njit
@@ -95,18 +102,21 @@ def fill_patch(recent: Recent, patch: Patch, u: float, v: float, reach_px: int, 
         if x < 0 or x > high or y < 0 or y > high:
             continue
         row, column = y + low, x + low
-        age = np.int32(span.end_us - recent.t_us[k] + 1)
+        age, on = np.int32(span.end_us - recent.t_us[k] + 1), recent.on[k]
         if first[row, column] == 0:
             first[row, column] = age
-            patch.brighter[row, column] = recent.on[k]
+            patch.brighter[row, column] = patch.newest[row, column] = on
             patch.events[row, column] = 0
-            patch.turned[row, column] = 0
+            patch.turned[row, column] = patch.before[row, column] = 0
             touched[count] = row * (SIDE + 2) + column
             count += 1
+        elif on != patch.newest[row, column]:
+            patch.before[row, column] = last[row, column]
+            patch.newest[row, column] = on
+            if patch.turned[row, column] == 0:
+                patch.turned[row, column] = age
         last[row, column] = age
         patch.events[row, column] += 1
-        if span.tail and patch.turned[row, column] == 0 and recent.on[k] != patch.brighter[row, column]:
-            patch.turned[row, column] = age
     return count, x0, y0
 
 
@@ -134,9 +144,13 @@ def edge_points(
     A pixel with fewer than two touched neighbours is noise. First events count on the leading half, last
     ones on the trailing half. With `span.tail` those are the first ones of the trailing polarity: the last ones of a
     slow receptor come when what is left of its tail happens to be less than a threshold, time constants later.
+
+    Of a ball whose polarity is known, a pixel with events of both counts with the one that this edge of the ball makes:
+    the ball's own shadow, which runs before it near a bounce, and noise would mark the pixel at another time.
     """
     first, last = patch.first, patch.last
     found, inside = 0, 0
+    bright = span.polarity > 0
     lead_on = span.tail and _brighter_ahead(patch, count, origin, ball, band_px, span)
     inner = 0.6 * ball.r
     for k in range(count):
@@ -145,8 +159,14 @@ def edge_points(
         if not _has_neighbours(first, row, column):
             continue
         x, y = float(column + origin[0]), float(row + origin[1])
-        entered = -0.001 * (first[row, column] - 1)
-        left = -0.001 * (last[row, column] - 1)
+        entered_age, left_age, lead = first[row, column], last[row, column], patch.brighter[row, column]
+        if span.polarity != 0:
+            if lead != bright and patch.turned[row, column] != 0:
+                entered_age, lead = patch.turned[row, column], bright
+            if patch.newest[row, column] == bright and patch.before[row, column] != 0:
+                left_age = patch.before[row, column]
+        entered = -0.001 * (entered_age - 1)
+        left = -0.001 * (left_age - 1)
         if entered >= -span.history_ms:
             ms = entered + ball.stretch
             du = x - ball.u - (ball.vu + 0.5 * ball.au * ms) * ms
@@ -155,7 +175,7 @@ def edge_points(
             if abs(distance - ball.r) <= band_px and du * ball.vu + dv * ball.vv >= 0.0 and found < MAX_POINTS:
                 points.u[found], points.v[found], points.ms[found] = x, y, entered
                 points.events[found] = patch.events[row, column]
-                points.lead[found] = 1.0 if patch.brighter[row, column] else -1.0
+                points.lead[found] = 1.0 if lead else -1.0
                 found += 1
             if distance < inner:
                 inside += int(patch.events[row, column])

@@ -13,6 +13,7 @@ from core.detection.reasons import Limit, Reason, failed_limits
 from core.detection.refined.ball_fit import Quality
 from core.detection.refined.patch import MovingCircle
 from core.detection.refined_config import RefinedConfig
+from core.events import SensorSize
 
 USUAL: Final = RefinedConfig()
 REMEMBERED: Final = 0.92
@@ -27,12 +28,21 @@ FALL_PX_PER_MS2: Final = 0.006
 MIN_BEND_MS: Final = 2.0
 BEND_PX: Final = 3.5
 """Accelerations are averaged over the time in which the ball moves this far, with a minimum time."""
+PACE_US: Final = (8000, 10_000)
+"""Least and greatest age of the place from which a candidate's pace is measured as well: its first places are rough,
+and a ball that comes at the camera moves less than their error for a long time."""
+IN_VIEW: Final = 0.8
+"""Radii of a new ball that its centre must be within the picture: half a disc at the border may be anything."""
+KNOWN_RADIUS: Final = (0.75, 1.25)
+"""Times the smallest and the largest radius that a confirmed ball may have."""
 STEADY_FITS: Final = 4
 """Number of fits whose radii are compared."""
 OTHER_POLARITY: Final = -0.3
 """Smallest product of two contrasts' signs of a confirmed ball: its shadow has the other sign."""
 OTHER_KIND: Final = 4
 """Times as many fits are needed of a ball that is dark after a bright one, or bright after a dark one."""
+OTHER_KIND_PACE: Final = 2.5
+"""Times the pace it needs then: a ball before a bright wall is as fast as it was, hair and dark sleeves are slow."""
 DARK_DOUBT: Final = 3.0
 """Times the evidence is needed of something dark, since a ball's shadow is dark."""
 FAST_DOUBT: Final = 0.5
@@ -62,10 +72,15 @@ class BallTrack:
     radii_px: tuple[float, ...] = ()
     bend: tuple[float, float] = (0.0, 0.0)
     """Acceleration u and v in px/ms^2, from the change of the fits' velocities."""
+    sensor: SensorSize | None = None
+    """Where the picture ends; None for a picture without end."""
+    places: tuple[tuple[int, float, float], ...] = ()
+    """Time [us] and centre u, v [px] of the last fits before it is confirmed, oldest first."""
     config: RefinedConfig = USUAL
 
     def __post_init__(self) -> None:
         self.initial, self.initial_us = self.ball, self.end_us
+        self.places = ((self.end_us, self.ball.u, self.ball.v),)
         self.brighter, self.contrast = self.quality.brighter, self.quality.contrast
         self.coverage = self.quality.coverage
 
@@ -89,10 +104,20 @@ class BallTrack:
         self.fits += 1
         fresh = evidence_of(quality) if self.config.edge == "sharp" else soft_evidence(quality, self.config)
         self.evidence = REMEMBERED * self.evidence + fresh
-        self.brighter += FRESH * (quality.brighter - self.brighter)
-        self.contrast += FRESH * (quality.contrast - self.contrast)
-        self.coverage += FRESH * (quality.coverage - self.coverage)
+        gain = max(FRESH, 1.0 / self.fits)  # a plain mean at first: the first fit is the roughest
+        self.brighter += gain * (quality.brighter - self.brighter)
+        self.contrast += gain * (quality.contrast - self.contrast)
+        self.coverage += gain * (quality.coverage - self.coverage)
         self.radii_px = (*self.radii_px[1 - STEADY_FITS :], ball.r)
+        if not self.confirmed:
+            since_us = end_us - PACE_US[1]
+            self.places = (*(one for one in self.places if one[0] >= since_us), (end_us, ball.u, ball.v))
+
+    @property
+    def polarity(self) -> int:
+        """1 for a ball brighter than its ground nearly all round, -1 for a darker one, 0 if neither is certain."""
+        certain = self.confirmed and abs(self.brighter) >= self.config.all_round_min
+        return 0 if not certain else 1 if self.brighter > 0.0 else -1
 
     @property
     def is_terminated(self) -> bool:
@@ -132,18 +157,34 @@ class BallTrack:
         """What it lacks to be a ball, where the last one was brighter (> 0) or darker than its ground.
 
         Something dark needs three times the evidence, since a ball's shadow is dark; something bright and fast half of
-        it, since people are not; of another kind than the last, more fits.
+        it, since people are not; of another kind than the last, more fits and a faster pace.
         """
         return failed_limits(*zip(*self._requirements(config, brighter), strict=True))
+
+    def _steady_speed(self, moved_px: float) -> float:
+        """Speed since the first fit, or over the last milliseconds if that is more, px/ms."""
+        speed = moved_px / max(1e-3 * (self.end_us - self.initial_us), 1.0)
+        then_us, u, v = self.places[0]
+        if self.end_us - then_us < PACE_US[0]:
+            return speed
+        return max(speed, math.hypot(self.ball.u - u, self.ball.v - v) / (1e-3 * (self.end_us - then_us)))
+
+    def _border_px(self) -> float:
+        """Distance of the centre from the nearest border of the picture, px."""
+        if self.sensor is None:
+            return math.inf
+        u, v = self.ball.u, self.ball.v
+        return min(u, v, self.sensor.width_px - 1.0 - u, self.sensor.height_px - 1.0 - v)
 
     def _requirements(self, config: RefinedConfig, brighter: float) -> tuple[tuple[float, Limit], ...]:
         """What makes a track a ball: each value with its limit."""
         ball, inf = self.ball, math.inf
         moved_px = math.hypot(ball.u - self.initial.u, ball.v - self.initial.v)
-        lived_ms = 1e-3 * (self.end_us - self.initial_us)
-        pace_per_ms = min(moved_px / max(lived_ms, 1.0), math.hypot(ball.vu, ball.vv)) / ball.r  # first fits are rough
+        pace_per_ms = min(self._steady_speed(moved_px), math.hypot(ball.vu, ball.vv)) / ball.r  # first fits are rough
         doubt = DARK_DOUBT if self.brighter <= 0.0 else FAST_DOUBT if pace_per_ms > FAST_PER_MS else 1.0
-        fits = config.confirm_fits * (1 if self.brighter * brighter >= 0.0 else OTHER_KIND)
+        other_kind = self.brighter * brighter < 0.0
+        fits = config.confirm_fits * (OTHER_KIND if other_kind else 1)
+        pace = config.pace_min_per_ms * (OTHER_KIND_PACE if other_kind else 1.0)
         evidence, steady_px = config.evidence_min * doubt, config.steady_radius * ball.r
         spread_px = max(self.radii_px) - min(self.radii_px) if self.radii_px else 0.0
         return (
@@ -152,8 +193,9 @@ class BallTrack:
             (self.coverage, Limit("coverage of the weaker edge", "refined.both_edges_min", config.both_edges_min, inf)),
             (abs(self.brighter), Limit("one polarity all round", "refined.all_round_min", config.all_round_min, inf)),
             (moved_px, Limit("motion so far", "refined.confirm_motion_px", config.confirm_motion_px, inf, "px")),
-            (pace_per_ms, Limit("pace", "refined.pace_min_per_ms", config.pace_min_per_ms, inf, "radii/ms")),
+            (pace_per_ms, Limit("pace", "refined.pace_min_per_ms", pace, inf, "radii/ms")),
             (spread_px, Limit("spread of the radii", "refined.steady_radius", -inf, steady_px, "px")),
+            (self._border_px(), Limit("distance of the centre from the border", None, IN_VIEW * ball.r, inf, "px")),
         )
 
 
@@ -183,14 +225,18 @@ def soft_evidence(quality: Quality, config: RefinedConfig) -> float:
     return min(max(1.2 - flaws + quality.coverage, -1.0), 1.0)
 
 
-def fit_limits(config: RefinedConfig) -> tuple[Limit, ...]:
-    """The limits of a single fit, for the values of `fit_values`."""
+def fit_limits(config: RefinedConfig, *, confirmed: bool = False) -> tuple[Limit, ...]:
+    """The limits of a single fit, for the values of `fit_values`.
+
+    A confirmed ball may leave the range of radii by a little: it comes nearer or goes away, and is still that ball.
+    """
     inf, one = math.inf, config
+    low, high = KNOWN_RADIUS if confirmed else (1.0, 1.0)
     return (
         Limit("edge latency", "refined.stretch_min_ms", one.stretch_min_ms, inf, "ms"),
         Limit("edge latency", "refined.stretch_max_ms", -inf, one.stretch_max_ms, "ms"),
-        Limit("radius", "refined.radius_min_px", one.radius_min_px, inf, "px"),
-        Limit("radius", "refined.radius_max_px", -inf, one.radius_max_px, "px"),
+        Limit("radius", "refined.radius_min_px", low * one.radius_min_px, inf, "px"),
+        Limit("radius", "refined.radius_max_px", -inf, high * one.radius_max_px, "px"),
         Limit("speed", "refined.speed_min_px_per_ms", one.speed_min_px_per_ms, inf, "px/ms"),
         Limit("speed", "refined.speed_max_px_per_ms", -inf, one.speed_max_px_per_ms, "px/ms"),
         Limit("residual", "refined.residual_px", -inf, one.residual_px, "px"),

@@ -71,6 +71,15 @@ def test_a_dot_that_turns_at_13_px_per_ms_is_followed_on_its_circle(shared_data)
     assert turned == pytest.approx(121.8, abs=0.7), "radians a second, as the disc is said to turn"
 
 
+def test_a_ball_that_meets_its_own_shadow_is_not_lost(make_scene, make_flight) -> None:
+    """The shadow darkens pixels before the ball brightens them, and brightens them after it has left."""
+    ball = make_flight(u_px=20.0, v_px=100.0, dv_px_per_ms=0.1)
+    shadow = make_flight(u_px=53.0, v_px=118.0, du_px_per_ms=1.6, dv_px_per_ms=-0.1, r_px=10.0, bright=False)
+    found = detect(make_scene(ball, shadow, duration_us=120_000))
+    errors = [math.dist((one.u_px, one.v_px), ball.centre(one.t_us)) for one in found]
+    assert len(found) > 100 and np.median(errors) < 0.3 and max(errors) < 2.5
+
+
 def test_noise_and_hot_pixels_alone_are_no_ball(make_scene) -> None:
     assert detect(make_scene(noise_hz=20, duration_us=150_000)) == []
 

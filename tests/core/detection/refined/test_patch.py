@@ -57,6 +57,20 @@ def test_of_a_tail_the_first_event_of_the_trailing_polarity_counts() -> None:
     assert {u for u, *_ in found(recent(*ahead, *old), span=span)[0]} == {106.0}, "it had begun before the history"
 
 
+@pytest.mark.parametrize("bright", [True, False], ids=["bright", "dark"])
+def test_of_a_known_polarity_the_events_of_the_balls_own_shadow_do_not_count(bright) -> None:
+    ahead = column_at(END_US - 2800, 106, not bright) + column_at(END_US - 1000, 106, bright)
+    behind = column_at(END_US - 1000, 90, not bright) + column_at(END_US - 700, 90, bright)
+    shadow = column_at(END_US - 1000, 107, not bright)
+    events = recent(*ahead, *behind, *shadow)
+    lead = 1.0 if bright else -1.0
+    known = {(106.0, -1.0, lead), (107.0, -1.0, -lead), (90.0, -1.0, 0.0)}
+    points, _ = found(events, span=SPAN._replace(polarity=1 if bright else -1))
+    assert {(u, ms, lead) for u, _, ms, _, lead in points} == known, "a pixel of the shadow alone stays what it is"
+    blind, _ = found(events)
+    assert {(u, round(ms, 3)) for u, _, ms, *_ in blind} == {(107.0, -1.0), (90.0, -0.7)}, "and the others are lost"
+
+
 def test_a_stretched_balls_edges_are_looked_for_ahead_and_behind() -> None:
     stretched = BALL._replace(r=6.0, stretch=1.0)  # the rims at -1 ms: 104 + 2 ahead, 92 - 2 behind
     ahead, behind = column_at(END_US - 1000, 106, True), column_at(END_US - 1000, 90, False)

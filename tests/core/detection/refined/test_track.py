@@ -7,8 +7,9 @@ import pytest
 
 from core.detection.refined.ball_fit import Quality
 from core.detection.refined.patch import MovingCircle
-from core.detection.refined.track import BallTrack, evidence_of, passes
+from core.detection.refined.track import BallTrack, evidence_of, fit_limits, fit_values, is_within, passes
 from core.detection.refined_config import RefinedConfig
+from core.events import SensorSize
 
 pytestmark = pytest.mark.numeric
 CONFIG = RefinedConfig()
@@ -60,6 +61,32 @@ def test_what_stays_in_its_place_or_grows_is_no_ball(unlike: dict[str, float]) -
     assert not flown(CLEAN, 7, **unlike).is_confirmed_by(CONFIG, 0.0)
 
 
+def test_something_dark_that_is_slow_is_no_ball_after_a_bright_one() -> None:
+    hair = CLEAN._replace(brighter=-0.9, residual_px=0.3)
+    slow, fast = (flown(hair, 60, px_per_ms=speed, r_px=20.0) for speed in (0.95, 2.5))
+    assert not slow.is_confirmed_by(CONFIG, 1.0) and fast.is_confirmed_by(CONFIG, 1.0)
+    assert slow.is_confirmed_by(CONFIG, -1.0), "as fast as a dark ball may be"
+    assert [reason.setting for reason in slow.missing(CONFIG, 1.0)] == ["refined.pace_min_per_ms"]
+
+
+def test_a_rough_first_fit_does_not_count_for_ever() -> None:
+    slow = BallTrack(0, BALL._replace(u=102.5, vu=0.5), np.eye(6), CLEAN)
+    for ms in range(1, 13):
+        slow.take(1000 * ms, BALL._replace(u=100.0 + 0.5 * ms, vu=0.5), np.eye(6), CLEAN)
+        if ms == 9:
+            assert slow.missing(CONFIG, 0.0), "the first place is 2.5 px ahead of the ball's"
+    assert slow.is_confirmed_by(CONFIG, 0.0)
+    assert len(slow.places) == 11, "none is older than needed"
+
+
+def test_half_a_disc_at_the_border_is_no_new_ball() -> None:
+    for v_px, ready in ((6.0, False), (9.0, True)):
+        track = BallTrack(0, BALL._replace(v=v_px), np.eye(6), CLEAN, sensor=SensorSize(320, 240))
+        for ms in range(1, 12):
+            track.take(1000 * ms, BALL._replace(u=100.0 + 2.0 * ms, v=v_px), np.eye(6), CLEAN)
+        assert track.is_confirmed_by(CONFIG, 0.0) == ready
+
+
 def test_another_thing_is_not_taken_for_the_same_ball() -> None:
     track = flown(CLEAN, 10)
     assert track.fits_in(track.ball, CLEAN)
@@ -94,6 +121,12 @@ def test_each_limit_of_a_single_fit_refuses(worse: dict[str, float]) -> None:
 def test_so_do_sizes_and_speeds(ball: MovingCircle) -> None:
     assert not passes(ball, CLEAN, CONFIG)
     assert passes(BALL, CLEAN, replace(CONFIG, radius_min_px=9.9))
+
+
+def test_a_known_ball_may_become_a_little_smaller_or_larger_than_a_new_one() -> None:
+    limits = fit_limits(CONFIG, confirmed=True)
+    assert all(is_within(fit_values(BALL._replace(r=r), CLEAN), limits) for r in (2.4, 45.0))
+    assert not any(is_within(fit_values(BALL._replace(r=r), CLEAN), limits) for r in (2.0, 55.0))
 
 
 def test_one_with_half_an_edge_or_on_changing_ground_is_not_proved() -> None:
