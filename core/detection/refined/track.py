@@ -162,10 +162,10 @@ class BallTrack:
         return failed_limits(*zip(*self._requirements(config, brighter), strict=True))
 
     def _steady_speed(self, moved_px: float) -> float:
-        """Speed since the first fit, or over the last milliseconds if that is more, px/ms."""
+        """Speed since the first fit, or of something bright over the last milliseconds if that is more, px/ms."""
         speed = moved_px / max(1e-3 * (self.end_us - self.initial_us), 1.0)
         then_us, u, v = self.places[0]
-        if self.end_us - then_us < PACE_US[0]:
+        if self.end_us - then_us < PACE_US[0] or self.brighter <= 0.0:  # dark hair is as fast for so short a time
             return speed
         return max(speed, math.hypot(self.ball.u - u, self.ball.v - v) / (1e-3 * (self.end_us - then_us)))
 
