@@ -146,7 +146,9 @@ def edge_points(
     slow receptor come when what is left of its tail happens to be less than a threshold, time constants later.
 
     Of a ball whose polarity is known, a pixel with events of both counts with the one that this edge of the ball makes:
-    the ball's own shadow, which runs before it near a bounce, and noise would mark the pixel at another time.
+    the ball's own shadow, which runs before it near a bounce, and noise would mark the pixel at another time. On the
+    trailing half only where the other event is older than the guard: after a bounce the ball enters pixels again that
+    it has just left, and the older event is of a path that it no longer follows.
     """
     first, last = patch.first, patch.last
     found, inside = 0, 0
@@ -163,7 +165,8 @@ def edge_points(
         if span.polarity != 0:
             if lead != bright and patch.turned[row, column] != 0:
                 entered_age, lead = patch.turned[row, column], bright
-            if patch.newest[row, column] == bright and patch.before[row, column] != 0:
+            stays = -0.001 * (last[row, column] - 1) <= -span.guard_ms
+            if stays and patch.newest[row, column] == bright and patch.before[row, column] != 0:
                 left_age = patch.before[row, column]
         entered = -0.001 * (entered_age - 1)
         left = -0.001 * (left_age - 1)
