@@ -15,7 +15,7 @@ class RefinedConfig:
     radius_min_px: float = setting(3.0, 1.0, 100.0, step=0.5, stage="search")
     """Smallest radius of a ball. A first estimate may be 0.6 times as large, a confirmed ball 0.75 times."""
     radius_max_px: float = setting(40.0, 3.0, 300.0, step=0.5, stage="search")
-    """Largest radius of a ball. A first estimate may be 1.5 times as large, a known ball 1.25 times, a blob 4 times."""
+    """Largest radius of a ball. A first estimate may be 1.5 times as large, a blob four times."""
     neighbours_min: int = setting(5, 3, 8, stage="search")
     """Fewest of a pixel's eight neighbours with an event in the same time span: lone noise has none, an edge as wide as
     a pixel has two. Three of them must be beside it, above it or below it."""

@@ -33,8 +33,9 @@ PACE_US: Final = (8000, 10_000)
 and a ball that comes at the camera moves less than their error for a long time."""
 IN_VIEW: Final = 0.8
 """Radii of a new ball that its centre must be within the picture: half a disc at the border may be anything."""
-KNOWN_RADIUS: Final = (0.75, 1.25)
-"""Times the smallest and the largest radius that a confirmed ball may have."""
+KNOWN_RADIUS: Final = 0.75
+"""Times the smallest radius that a confirmed ball may have: it goes away, and is still that ball. The largest holds for
+all: with a quarter more, a planet without a rim was lost in a circle about its glow."""
 STEADY_FITS: Final = 4
 """Number of fits whose radii are compared."""
 OTHER_POLARITY: Final = -0.3
@@ -228,15 +229,15 @@ def soft_evidence(quality: Quality, config: RefinedConfig) -> float:
 def fit_limits(config: RefinedConfig, *, confirmed: bool = False) -> tuple[Limit, ...]:
     """The limits of a single fit, for the values of `fit_values`.
 
-    A confirmed ball may leave the range of radii by a little: it comes nearer or goes away, and is still that ball.
+    A confirmed ball may be somewhat smaller than a new one.
     """
     inf, one = math.inf, config
-    low, high = KNOWN_RADIUS if confirmed else (1.0, 1.0)
+    low = KNOWN_RADIUS if confirmed else 1.0
     return (
         Limit("edge latency", "refined.stretch_min_ms", one.stretch_min_ms, inf, "ms"),
         Limit("edge latency", "refined.stretch_max_ms", -inf, one.stretch_max_ms, "ms"),
         Limit("radius", "refined.radius_min_px", low * one.radius_min_px, inf, "px"),
-        Limit("radius", "refined.radius_max_px", -inf, high * one.radius_max_px, "px"),
+        Limit("radius", "refined.radius_max_px", -inf, one.radius_max_px, "px"),
         Limit("speed", "refined.speed_min_px_per_ms", one.speed_min_px_per_ms, inf, "px/ms"),
         Limit("speed", "refined.speed_max_px_per_ms", -inf, one.speed_max_px_per_ms, "px/ms"),
         Limit("residual", "refined.residual_px", -inf, one.residual_px, "px"),
