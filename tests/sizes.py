@@ -24,6 +24,8 @@ QUICK_S = 0.5
 TEST_S = 2.0
 STORED_S = 0.2
 """Shorter cases are not stored."""
+LAST_WORDS = 4000
+"""Characters of what a repeated case printed and logged."""
 
 
 BROWSER = "tests/app/browser/"
@@ -80,6 +82,8 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     for report in terminalreporter.stats.get("rerun", ()):
         terminalreporter.section(f"first attempt of {report.nodeid}")
         terminalreporter.write_line(report.longreprtext)
+        for name, content in report.sections:
+            terminalreporter.write_line(f"{name}:\n{content[-LAST_WORDS:]}")
 
 
 def read_durations() -> dict[str, float]:

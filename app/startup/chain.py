@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from app.background.child import give_way, send_to_parent
+from app.background.child import send_to_parent
 from core import jit
 from core.files import end_with_parent
 from core.live import warm_up as chain_warm_up
@@ -53,7 +53,6 @@ def compile_chain(on_progress: Callable[[int, int], None]) -> None:
 def main() -> int:
     """Compile, print the progress, and write the marker."""
     end_with_parent()
-    give_way()  # the simulation takes longer to compile, and the live rally needs both
     compile_chain(lambda ready, known: send_to_parent(f"{ready} of about {known} kernels"))
     place = marker()
     if place is not None:

@@ -78,6 +78,7 @@
     if (what) rallyscope.send("tour", { do: what, number: tour.number });
     tour = null;
     card.hidden = frame.hidden = true;
+    if (card.contains(document.activeElement)) document.activeElement.blur(); // hidden, it would keep the keyboard until the next frame
     clearInterval(ticker);
     if (before && before.isConnected && !before.matches("[data-rallyscope=tour]") && // or Space would show it again, and not play
        (card.contains(document.activeElement) || document.activeElement === document.body)) before.focus({ preventScroll: true });

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import time
+import uuid
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from core.events import Events
+from core.cameras import Camera
+from core.events import Events, SensorSize
 from core.live.link import messages as m
 from core.recordings import PixelTruth
 from core.simulation.episodes.ball_outcome import RallyEvent
+from core.simulation.event_cameras.event_camera import BLOCK_US
 
 if TYPE_CHECKING:  # it loads MuJoCo, which is not needed for real cameras
     from core.live.worlds.world import Block, ClassifiedBall, RacketContact
-import uuid
-from collections.abc import Mapping
-
-from core.cameras import Camera
-from core.events import SensorSize
-from core.simulation.event_cameras.event_camera import BLOCK_US
 
 
 def event_batch(block: Block, camera: str, session: str, seq: int) -> m.EventBatch:
