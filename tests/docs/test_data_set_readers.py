@@ -7,21 +7,13 @@ import numpy as np
 import pytest
 
 from core.errors import RecordingError
-from core.events import SensorSize, concatenate_events
+from core.events import SensorSize
 from core.recordings import ImportOrder, import_recording, open_recording
 from core.recordings.sources import open_sources
 from core.recordings.sources.source import DecodeReport
+from tests.four_events import P, T, X, Y, read_all
 
 pytestmark = pytest.mark.usefixtures("data_set_readers")
-T = np.array([5, 5, 9, 1_500_000])
-X = np.array([0, 319, 3, 100])
-Y = np.array([239, 0, 7, 50])
-P = np.array([1, 0, 0, 1])
-
-
-def read_all(source):
-    report = DecodeReport()
-    return concatenate_events(list(source.read(report)), source.sensor), report
 
 
 def read_the_four_events(path, sensor=None):
