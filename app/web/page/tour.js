@@ -81,7 +81,7 @@
     if (card.contains(document.activeElement)) document.activeElement.blur(); // hidden, it would keep the keyboard until the next frame
     clearInterval(ticker);
     if (before && before.isConnected && !before.matches("[data-rallyscope=tour]") && // or Space would show it again, and not play
-       (card.contains(document.activeElement) || document.activeElement === document.body)) before.focus({ preventScroll: true });
+       document.activeElement === document.body) before.focus({ preventScroll: true });
   };
 
   let heard = 0;

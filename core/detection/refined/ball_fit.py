@@ -103,13 +103,13 @@ def blank_work() -> Work:
 
 
 @njit
-def span_for(end_us: int, speed: float, reach: Reach) -> LookBack:
+def span_for(end_us: int, speed: float, reach: Reach, polarity: int = 0) -> LookBack:
     """Limits of the events used for a ball of this speed in px/ms."""
     speed = max(speed, 0.05)
     history = min(max(reach.motion_px / speed, reach.history_min_ms), reach.history_max_ms)
     guard = min(max(0.8 / speed, 0.3), 4.0, 0.4 * history)
     before = min(max(1.5 / speed, 1.0), 5.0)
-    return LookBack(end_us, history + before, history, guard, reach.tail, 0)
+    return LookBack(end_us, history + before, history, guard, reach.tail, polarity)
 
 
 @njit
@@ -122,8 +122,7 @@ def fit_ball(
     """
     estimate, bend = work.fit.estimate, work.fit.bend
     speed = math.hypot(estimate[2], estimate[3])
-    span = span_for(end_us, speed, reach)
-    span = LookBack(span.end_us, span.gather_ms, span.history_ms, span.guard_ms, span.tail, polarity)
+    span = span_for(end_us, speed, reach, polarity)
     asked = math.ceil(estimate[4] + speed * span.gather_ms + band_px + 3.0)
     count, x0, y0 = fill_patch(recent, work.patch, estimate[0], estimate[1], min(HALF, asked), span)
     fine = False
