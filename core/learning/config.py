@@ -133,6 +133,7 @@ class EnvironmentConfig:
             )
         if self.state == "spin" and self.state_source == "timed" and self.timing.predictor == "paper":
             raise ConfigError("the paper's five points tell no spin", expected='predictor "filter"', where="timing")
+        # Those sources fly the serve again from its launch, which a recorded ball does not have.
         if self.recorded and (self.state_source in ("predicted", "timed") or self.outcomes == "events"):
             raise ConfigError(
                 "recorded balls are not seen so",

@@ -205,7 +205,14 @@ class RecordingWriter:
         self.append_rows(layout.BALL_GROUP, layout.ball_rows(ball))
 
     def write_frames(self, camera: str, t_us: NDArray, exposure_us: NDArray, images: NDArray[np.uint8]) -> None:
-        """Add pictures (N, height, width) or (N, height, width, 3 = RGB) of one camera, `t_us` at mid exposure."""
+        """Add pictures (N, height, width) or (N, height, width, 3 = RGB) of one camera, `t_us` at mid exposure.
+
+        Args:
+            camera: its name.
+            t_us: (N,) middle of each exposure.
+            exposure_us: (N,) lengths.
+            images: (N, height, width) or (N, height, width, 3), RGB.
+        """
         self._buffer(camera)
         rows = {"t_us": t_us.astype(np.int64), "exposure_us": exposure_us.astype(np.int64), "image": images}
         self.append_rows(layout.frames_group(camera), rows)

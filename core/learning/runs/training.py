@@ -90,6 +90,7 @@ class Training:
         where = f"episode {self.episode}, seed {self.seed}"
         reward = float(episode_rewards(outcome, batch.goals_m, weights, self.config.reward, where=where)[0])
         losses = Losses(float("nan"), float("nan"))
+        # A ball that perception missed has no state to learn from.
         if batch.seen[0]:
             self._buffer.add(transition_of(batch, action[0], outcome, reward))
         if len(self._buffer):
