@@ -103,6 +103,7 @@ class LabelStore:
         self.path = path
         self.notes = notes
         self._reader = reader
+        # A store that is only dropped closes its file, too.
         self._finalizers = [weakref.finalize(self, reader.close)]
         self._writer: sqlite3.Connection | None = None
         self._follows = False
@@ -152,6 +153,7 @@ class LabelStore:
             if not value.strip():
                 raise LabelError(f"labels need a name of the {name}", got=repr(value))
         path = layer.path(folder)
+        # First the writer: it makes the file that the reader opens.
         writer = open_to_write(path, recording_uuid)
         try:
             notes = migrate(writer, folder, recording_uuid)
@@ -233,6 +235,13 @@ class LabelStore:
 
     def reject(self, t_us: int, x_px: float, y_px: float, r_px: float | None, detector: str) -> None:
         """Note that a proposal of a detector is wrong. No label changes.
+
+        Args:
+            t_us: time of the proposal.
+            x_px: its column.
+            y_px: its row.
+            r_px: its radius; None: not known.
+            detector: what proposed it.
 
         Raises:
             LabelError: if it is not saved.

@@ -135,6 +135,7 @@ def open_to_write(path: Path, recording_uuid: str) -> sqlite3.Connection:
             db.execute("PRAGMA foreign_keys = ON")
             db.execute(f"PRAGMA wal_autocheckpoint = {CHECKPOINT_PAGES}")
             _create_if_empty(db, path, recording_uuid)
+            # Before anything of the file is run: a schema can hold triggers of a stranger.
             check_schema(db, path)
             _check_recording(db, path, recording_uuid)
     except BaseException:
