@@ -70,9 +70,7 @@ def simulate_recording(
 ) -> SimulatedRecording:
     """Write the events and the truth of some serves, one after the other. The same seed gives the same events.
 
-    The physics is that of the paper unless told otherwise. With `frames` every camera takes pictures too, which changes
-    nothing in the events. The cameras work in `threads` threads, one each unless told otherwise. `remarks` join the
-    config in the recording.
+    With `frames` every camera takes pictures too, which changes nothing in the events.
 
     Args:
         path: the file.
@@ -82,7 +80,7 @@ def simulate_recording(
         seed: of launches and noise.
         physics: None: the paper's.
         frames: pictures that are taken too.
-        threads: of the cameras.
+        threads: of the cameras; None: one each.
         uuid: identity of the recording; None: a new one.
         remarks: added to its config.
         overwrite: whether a file there may be replaced.
