@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Collection
 from typing import Final
 
@@ -216,13 +215,15 @@ def _last(outcomes: tuple[Outcome, ...]) -> str:
     if not outcomes:
         return "-"
     last = outcomes[-1]
+    if not last.followed:
+        return muted("served before the chain followed: not counted")
     where = f", {last.spot.x_m:.2f} / {last.spot.y_m:+.2f} m" if math.isfinite(last.spot.x_m) else ""
     return f"<span style='color:rgb{CASE_RGB[last.spot.case]}'>{CASE_NAMES[last.spot.case]}</span>{where}"
 
 
 def _balls(outcomes: tuple[Outcome, ...]) -> str:
-    if not outcomes:
+    cases = [outcome.spot.case for outcome in outcomes if outcome.followed]
+    if not cases:
         return "-"
-    counts = Counter(outcome.spot.case for outcome in outcomes)
-    returned = counts[Case.RETURNED]
-    return f"{returned} of {len(outcomes)} returned ({percent(returned / len(outcomes))})"
+    returned = cases.count(Case.RETURNED)
+    return f"{returned} of {len(cases)} returned ({percent(returned / len(cases))})"
