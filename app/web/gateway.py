@@ -116,6 +116,10 @@ UPLOAD_PATH: Final = "/rallyscope/upload"
 ALIVE_PATH: Final = "/rallyscope/alive"
 FILM_PATH: Final = "/rallyscope/rally.webp"
 MAX_ID_LENGTH: Final = 64
+PING_EVERY_S: Final = 20.0
+PATIENCE_S: Final = 120.0
+"""A page that does not answer for so long is gone. One of a busy machine may take half a minute, and would be loaded
+anew while a person types in it."""
 SAFETY_HEADERS: Final = {
     "Content-Security-Policy": "frame-ancestors 'none'",  # a foreign page shows ours in no frame to have it clicked
     "X-Frame-Options": "DENY",
@@ -177,7 +181,8 @@ class Gateway:
                 answer = process_request(connection, request)
                 return await answer if inspect.isawaitable(answer) else answer
 
-            return original(self._handle(handler), *address, process_request=judged, **options)
+            keeping = {"ping_interval": PING_EVERY_S, "ping_timeout": PATIENCE_S}
+            return original(self._handle(handler), *address, process_request=judged, **{**options, **keeping})
 
         websockets.asyncio.server.serve = serve  # type: ignore[assignment]
         try:
