@@ -31,7 +31,7 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from app.theme import apply_theme
-from app.viser_parts import check_parts, moved_part, read_page, websocket_server
+from app.viser_parts import allow_threads, check_parts, moved_part, read_page, websocket_server
 from app.web.access_policy import TOKEN_COOKIE, Admission, RequestOrigin, check_address, port_taken
 from app.web.pages import PageConnection, Pages
 
@@ -150,6 +150,7 @@ class Gateway:
             self.server.stop()
             raise moved_part("its call of websockets.asyncio.server.serve")
         infra = websocket_server(self.server)
+        allow_threads(infra)
         infra.on_client_connect(self._come)
         infra.on_client_disconnect(self._go)
         self._open = True
@@ -159,6 +160,7 @@ class Gateway:
         return self._visits.get(client.client_id, PageConnection())
 
     def _come(self, client: WebsockClientConnection) -> None:
+        allow_threads(client)
         self._visits[client.client_id] = self._visiting.get()
 
     def _go(self, client: WebsockClientConnection) -> None:

@@ -13,6 +13,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
+from app.viser_parts import CrossThreadEvent, websocket_server
 from app.web import Admission, Gateway
 from app.web.gateway import FILM_PATH
 from tests.waiting import PATIENCE_S, eventually
@@ -222,3 +223,13 @@ def test_a_page_that_gets_no_processor_for_a_minute_is_not_loaded_anew(door: Gat
         connection = eventually(lambda: door.pages._pages["page-3"].connection, "the page's websocket")
         assert connection.ping_timeout is not None and connection.ping_timeout > 60
     door.pages.close("page-3", print)
+
+
+def test_any_thread_may_send_to_a_browser(door: Gateway) -> None:
+    infra = websocket_server(door.server)
+    come: list = []
+    infra.on_client_connect(come.append)
+    with connect(f"ws://127.0.0.1:{door.server.get_port()}/", subprotocols=[PROTOCOL]):
+        eventually(lambda: come, "the browser")
+    for connection in (infra, *come):
+        assert isinstance(connection.get_message_buffer().message_event, CrossThreadEvent)
