@@ -67,6 +67,7 @@ def find_missed_ball(request: MissedBallRequest) -> MissedBall | None:
     last = unseen[-1] if unseen else None
     outcomes = history.outcomes_between(start_us - 1, t_us)
     lost = [one for one in outcomes if one.followed and one.spot.case != Case.RETURNED]
+    # The newest failure first; an unseen ball after it is newer still, and counts instead.
     for outcome in reversed(lost):
         end_us = outcome.t_us if outcome.t_us > outcome.serve_us else outcome.serve_us + BALL_US
         if last is not None and last.t_us > end_us:

@@ -104,7 +104,7 @@ def moment_html(
     elif moment.outcomes:
         rows += [("Last stroke, as seen", _last(moment.outcomes)), ("Strokes, as seen", _balls(moment.outcomes))]
     if followed < 1:
-        rows.append(("Followed", muted(f"has processed {percent(followed)} of the recording")))
+        rows.append(("Followed", muted(f"{percent(followed)} of the recording so far")))
     return figures_html([row for row in rows if row[1] != "-" or row[0] in CHANGING])
 
 
