@@ -36,7 +36,7 @@ class BallStatesArguments:
 
     TITLE: ClassVar = "balls of human play, against the built-in controller that knows all of them"
     ball_states: tuple[Path, ...] | None = flag("JSON of position, velocity and spin (no RUN then)", "FILE")
-    sample: PositiveInt | None = flag("so many of each file at random, not all", "N")
+    sample: PositiveInt | None = flag("random sample of N balls per file instead of all", "N")
     told_after_ms: float = setting_flag(SimulatedReturnsConfig, "told_after_ms", "MS")
     physics: Profile = flag("how balls fly and bounce", default="real")
     report: Path | None = flag("write a page with a picture (matplotlib draws it)", "FILE.md")
@@ -104,7 +104,7 @@ def run(arguments: EvaluateArguments) -> None:
     elif folder is None and ball_states is not None:
         run_ball_states(arguments.recorded, ball_states, as_json=arguments.json)
     else:
-        raise CommandError("what is to be evaluated?", expected="a RUN, or --ball-states FILE, one of them")
+        raise CommandError("nothing to evaluate", expected="a RUN, or --ball-states FILE, one of them")
 
 
 def _evaluate(folder: Path, arguments: EvaluateArguments) -> None:

@@ -85,7 +85,7 @@ class LabelExportArguments:
     format: str = flag(FORMAT_HELP, "|".join(FORMATS), choices=FORMATS)
     out: Path = flag("a folder; for hdf5 a file", "DIR")
     pictures: bool = flag("draw the events of each label as a PNG beside it")
-    window_us: PositiveInt = flag("of a picture", "N", 2000)
+    window_us: PositiveInt = flag("length of the window of a picture", "N", 2000)
     stride_us: PositiveInt | None = flag("time between the pictures of the clip", "N")
     unchecked: Literal["refuse", "drop"] = flag("tracknet: pictures without label", default="refuse")
     decimals: bool = flag("voc, tracknet: do not round to whole pixels")
