@@ -78,6 +78,7 @@ class RigArguments:
 def run(arguments: RigArguments) -> None:
     """Collect the points, calibrate, write, and say how good it is."""
     check_destinations(arguments.out, arguments.report, (".toml",))
+    # Boards are photographed at rest, which says nothing about clocks.
     still = arguments.same_clock or arguments.boards is not None
     config = RigConfig(
         max_offset_ms=0.0 if still else arguments.max_offset_ms,

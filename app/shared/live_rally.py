@@ -121,6 +121,7 @@ class LiveRally:
         self._watched, self._awake = True, True
         self._keeping, self._keepers = threading.Lock(), 0
         self._forgotten_us = 0
+        # In this order: when the rally hears of a block itself, the recording has it.
         source.add_listener(self.watch)
         source.add_listener(self.recording)
         self.player = LivePlayer(self._source_with_robot)

@@ -66,6 +66,7 @@ def export_rrd(
         CommandError: if the file exists and `overwrite` is not set, or it cannot be written.
         ExportCancelledError: if `cancelled()` is true; there is no file then.
     """
+    # The same part again gives the same identity: the viewer replaces it.
     name = f"{recording.uuid}-{span.start_us}-{span.end_us}"
     blueprint = blueprint_of(recording, contents, groups)
     with rerun_file(path, blueprint, recording_id=name, overwrite=overwrite, cancelled=cancelled) as stream:

@@ -105,6 +105,7 @@ def zip_label_files(request: LabelFilesRequest, path: Path, progress: Progress, 
 
     with (
         unfinished_file(path, overwrite=False) as unfinished,
+        # Beside the result: /tmp may be too small for pictures.
         tempfile.TemporaryDirectory(dir=unfinished.parent) as folder,
     ):
         root = Path(folder) / path.stem
