@@ -264,15 +264,6 @@ def _sparsity(flights: Sequence[RecordedFlight]) -> lil_matrix:
 FEWEST = 12
 
 
-def read_flight(path: Path) -> RecordedFlight:
-    """One flight. A tt3d flight is turned into the world frame, and half round if it flies towards +x.
-
-    Raises:
-        RallyscopeError: if it cannot be read, or has too few points.
-    """
-    return read_flight_file(path)[0]
-
-
 def read_flight_file(path: Path) -> tuple[RecordedFlight, PointsFile]:
     """One flight, and what its file was taken for.
 

@@ -76,12 +76,6 @@ def refuse_network_drive(path: Path, mounts: str | None = None) -> None:
         )
 
 
-def filesystem_of(path: Path, mounts: str) -> str | None:
-    """Type of the file system of a path, which need not exist; None if the table does not tell."""
-    mount = mount_of(path, mounts)
-    return None if mount is None else mount.kind
-
-
 def mount_of(path: Path, mounts: str) -> Mount | None:
     """The row of `/proc/mounts` that a path, which need not exist, lies on; None if there is none."""
     parts = path.resolve().parts

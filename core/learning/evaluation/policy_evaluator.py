@@ -10,7 +10,7 @@ of the target box is 298 mm off on the average.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -158,7 +158,6 @@ def _plains(values: Array) -> list[float | None]:
     return [_plain(value) for value in values.tolist()]
 
 
-BEST = 5
 """Number of best evaluations by which the paper shows each method."""
 MISSED_MM: Final = 1000 * TABLE_LENGTH_M
 """Error of a ball that the racket missed (choice): the table's length."""
@@ -255,12 +254,6 @@ def score_played(
         returned[i], errors_mm[i] = outcome.returned[0], landing_errors_mm(outcome, ball.goals_m)[0]
         progress((i + 1) / len(balls))
     return PolicyScore(balls.speed_mps, returned, errors_mm)
-
-
-def five_best_mm(errors_mm: Sequence[float]) -> float:
-    """Mean of the five lowest of a run's evaluations: the paper's figure, and too kind (it looks at the answers)."""
-    found = sorted(error for error in errors_mm if np.isfinite(error))[:BEST]
-    return float(np.mean(found)) if found else float("nan")
 
 
 COARSE, FINE, ROUNDS = 15, 7, 5

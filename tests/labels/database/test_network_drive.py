@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from core.errors import LabelError
-from labels.database.connection import filesystem_of, refuse_network_drive
+from labels.database.connection import mount_of, refuse_network_drive
 
 MOUNTS = r"""/dev/sda1 / ext4 rw,relatime 0 0
 tmpfs /tmp tmpfs rw 0 0
@@ -31,7 +31,8 @@ nonsense
     ],
 )
 def test_the_file_system_is_that_of_the_nearest_mount_above(path: str, kind: str) -> None:
-    assert filesystem_of(Path(path), MOUNTS) == kind
+    mount = mount_of(Path(path), MOUNTS)
+    assert mount is not None and mount.kind == kind
 
 
 @pytest.mark.parametrize("path", ["/mnt/team/a", "/mnt/my labels/a", "/mnt/team/far/a", "/mnt/host/a"])
