@@ -186,6 +186,7 @@ class RallyWriter:
         times = [step.end_us for step in steps]
         if is_stereo(recording):
             chains = [step.chain for step in steps if step.chain is not None]
+            # Of two cameras, both place the ball, always.
             rrd_rally.send_ball(stream, times, [one.point for one in chains], cameras=len(recording.cameras) > 2)
             ticks = [step for step in steps if step.before is not None]
             predictions = [None if one.chain is None else one.chain.prediction for one in ticks]

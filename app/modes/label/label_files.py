@@ -140,6 +140,7 @@ def write_frames(
         frame = source.frame_at(label.t_us)
         assert frame is not None
         image = source.frame(frame)
+        # Recordings hold RGB, OpenCV takes BGR.
         fine, content = cv2.imencode(".png", image if image.ndim == 2 else image[:, :, ::-1])
         assert fine
         files.append(write_bytes(folder / f"{picture_name(source.name, label.t_us)}.png", content.tobytes()))

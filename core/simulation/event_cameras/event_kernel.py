@@ -103,7 +103,7 @@ def light_row(view, moving, part, count, row):
 
 @njit(error_model="numpy")
 def _light_ball(view, ball, count, row):
-    """See `ball_cover`."""
+    """See `ball_cover`; the numbers of `view` and `ball` are named at VIEW_NUMBERS and BALL_COLUMNS there."""
     radius2, edge = BALL_RADIUS_M * BALL_RADIUS_M, ball[4]
     for index in range(count):
         x, y, length2 = row[X + index], row[Y + index], row[LENGTH2 + index]
