@@ -49,7 +49,9 @@ ODD: Final = 2e-3
 CAP: Final = 9.0
 """Largest squared normalised distance per coordinate that counts against a flight (robustness)."""
 MAX_POINTS: Final = 24
+"""Most points of the way on that hypotheses are compared with; more are thinned evenly."""
 SEED: Final = 7
+"""Fixed: the same points give the same outcome."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -263,6 +263,7 @@ def _sparsity(flights: Sequence[RecordedFlight]) -> lil_matrix:
 
 
 FEWEST = 12
+"""Points of a flight: its start alone has nine unknowns."""
 
 
 def read_flight_file(path: Path) -> tuple[RecordedFlight, PointsFile]:

@@ -21,6 +21,7 @@ from core.recordings.sources.prophesee_header import note_two_sizes, read_prophe
 from core.recordings.sources.source import Columns, DecodeReport, EventSource, Whence
 
 _EVENTS_OF_CHANGE: Final = (0x00, 0x0C)
+"""Types of the events of a DVS: 2D, and CD."""
 _EVENT_BYTES: Final = 8
 _BLOCK_EVENTS: Final = 1 << 17
 _CLOCK_US: Final = 1 << 32
