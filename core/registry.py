@@ -1,4 +1,4 @@
-"""What can be added from outside, by name: detectors, readers, label formats, exporters and rewards.
+"""What can be added from outside, by name: detectors, readers, label formats, exporters, rewards and agents.
 
 A `Registry` holds the things of one kind. Ours are registered by the modules that make them. Others are found when a
 registry is first asked for something that it does not have yet, or for all that it has:
