@@ -108,6 +108,7 @@ def when_changed(handle: viser.GuiInputHandle, act: Callable[[object], None]) ->
     """Call `act(value)` for changes that a person made, in their order, and not for those that we made."""
 
     @handle.on_update
+    # Coroutines run in viser's loop, one after the other; plain functions in a pool, in any order.
     async def _(event: viser.GuiEvent) -> None:
         if event.client is not None:
             act(event.target.value)
