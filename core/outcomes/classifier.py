@@ -242,6 +242,7 @@ def possible_contacts(fit: OutgoingFit) -> list[float]:
     found = np.empty((1, FOUND))
     look_ahead(fit.row[None], fit.lift, found)
     one, cov = found[0], fit.covariance
+    # Points after a contact must not be fitted: so what the ball only may have touched counts as well.
     times = [float(one[10])] if np.isfinite(one[10]) else []
 
     def margin_m(after_s: float) -> float:

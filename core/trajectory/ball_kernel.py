@@ -125,6 +125,7 @@ def fly_and_bounce(s: Array, seconds: float, lift: float) -> float:
                 bounce(after)
                 since = left - h
             else:
+                # Just below the plane, or the next step would find the same landing again.
                 after[2] = BALL_RADIUS_M + s[12] - 1e-12
         s[:] = after
         left -= h

@@ -244,6 +244,7 @@ class RefinedDetector:
         spreads = (loose, 0.15 * loose, 0.15 * loose, 0.5 * loose)
         if self._refit("track", track, expected, spreads, end_us, self._reach, BAND_PX + 0.3 * unseen_ms):
             return
+        # A fit that failed once is no bounce.
         if not track.confirmed or unseen_ms < 1.5:
             return
         was = track.ball

@@ -78,6 +78,7 @@ def _is_version_1(path: Path, start: int, version: int | None) -> bool:
 
 
 def _decode(path: Path, start: int, report: DecodeReport, *, old: bool) -> Iterator[Columns]:
+    # Version 1 has 9 bits of column, 8 of row and the polarity in bit 17; version 2 has 14, 14 and bit 28.
     columns, rows, polarity = ((0, 0x1FF), (9, 0xFF), 17) if old else ((0, 0x3FFF), (14, 0x3FFF), 28)
     end = path.stat().st_size
     done, padding = start, 0

@@ -140,6 +140,7 @@ def _light_shadow(view, ball, count, row):
         reach = BALL_RADIUS_M + 0.5 * width
         gap2 = sx * sx + sy * sy + sz * sz - toward * toward
         cover = smooth_step_in_lanes((BALL_RADIUS_M - math.sqrt(gap2 if gap2 > 0.0 else 0.0)) / width + 0.5)
+        # So far from the ball it hides only a part of the light: the ratio of the two discs.
         hidden = 2.0 * BALL_RADIUS_M / lights
         hidden = hidden if lights > 2.0 * BALL_RADIUS_M else 1.0
         darkness = ball[12] * cover * hidden * hidden
