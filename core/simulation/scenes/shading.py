@@ -112,7 +112,7 @@ def pixel_light(seen, view, moving):
 
 @njit(error_model="numpy")
 def racket_cover(racket, x, y, depth_m):
-    """The racket in a pixel whose static picture is `depth_m` away."""
+    """The racket in a pixel whose static picture is `depth_m` away; its numbers are named at RACKET_COLUMNS."""
     gap, where = racket_gap(racket, x, y)
     cover = smooth_step(0.5 - gap / racket[7])
     return Fragment(0.0 if where >= depth_m else cover, racket[6], where)
