@@ -33,8 +33,7 @@ def draw_ball_inset(
 ) -> None:
     """Draw the surroundings of a ball (u, v, r, px) magnified into the corner of `canvas` that is far from it.
 
-    `draw_marks` draws circles into the magnified part. Nothing is drawn into a picture that is too small for it. Texts
-    of what the inset covers are removed.
+    Nothing is drawn into a picture that is too small for it. Texts of what the inset covers are removed.
 
     Args:
         canvas: the picture.

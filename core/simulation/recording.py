@@ -70,10 +70,6 @@ def simulate_recording(
 ) -> SimulatedRecording:
     """Write the events and the truth of some serves, one after the other. The same seed gives the same events.
 
-    The physics is that of the paper unless told otherwise. With `frames` every camera takes pictures too, which changes
-    nothing in the events. The cameras work in `threads` threads, one each unless told otherwise. `remarks` join the
-    config in the recording.
-
     Args:
         path: the file.
         config: scene and sensor.
@@ -81,8 +77,8 @@ def simulate_recording(
         serves: launches, one after the other.
         seed: of launches and noise.
         physics: None: the paper's.
-        frames: pictures that are taken too.
-        threads: of the cameras.
+        frames: pictures that every camera takes too; they change nothing in the events.
+        threads: of the cameras; None: one each.
         uuid: identity of the recording; None: a new one.
         remarks: added to its config.
         overwrite: whether a file there may be replaced.

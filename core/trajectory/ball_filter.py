@@ -163,7 +163,7 @@ class BallFilter:
     def __init__(
         self, config: FilterConfig, t_us: int, p: Array, noise_m2: Array, *, needs_tick: bool, odds: float
     ) -> None:
-        """Begin with a point and its covariance; `odds`: of this kind of flight before anything is seen.
+        """Begin with a point and its covariance.
 
         Args:
             config: constants with their spreads.

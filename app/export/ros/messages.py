@@ -105,7 +105,7 @@ class RosMessages:
         return self.store.generate_msgdef(kind, ros_version=2)[0]
 
     def events(self, time_ns: int, camera: str, size: tuple[int, int], number: int, words: NDArray[np.uint16]) -> bytes:
-        """An EventPacket of EVT3 words; `size` is width and height.
+        """An EventPacket of EVT3 words.
 
         Args:
             time_ns: of the first event.

@@ -43,8 +43,7 @@ class SideLayout:
 def choose_side_layout(pictures: int, side_ratio: float, base_px: float, aspect: float) -> SideLayout:
     """The layout that leaves the large picture largest in a middle of this width over height.
 
-    `side_ratio` is height over width of a small picture, `base_px` the height of the large picture with the line
-    and the strip below it. The small ones take what the large one cannot use, and no less than `LEAST_WIDTH_PX` each.
+    The small ones take what the large one cannot use, and no less than `LEAST_WIDTH_PX` each.
 
     Args:
         pictures: number of small ones.

@@ -316,7 +316,7 @@ def play(batch: ServeBatch, actions: Array, config: EnvironmentConfig) -> Outcom
 
 
 def check_actions(actions: NDArray[np.floating], size: int, who: str, episode: int = 0) -> Array:
-    """Actions (N, size) as float64; `episode` is that of the first.
+    """Actions (N, size) as float64.
 
     Args:
         actions: (N, A) or (A,).
