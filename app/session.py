@@ -425,6 +425,7 @@ class Session:
         self._recording, self.knows_ball = recording, knows_ball(recording)
         cameras = tuple(recording.cameras)
         opens_us = opening_us(recording)
+        # A flight takes half a second: slowed down so that it can be followed.
         playhead = Playhead(recording.duration_us, anchor_us=opens_us, speed=0.25 if is_stereo(recording) else 0.05)
         if isinstance(recording, RingRecording):
             self._live_uuid = recording.uuid
@@ -450,6 +451,7 @@ class Session:
         self.tracks = tracks_of(recording, info)
         for mode in self._modes.values():
             mode.use_recording(recording)
+        # Last: what a link says counts more than what a recording opens with.
         self._state = self.page.follow_link(self._state)
         if self._autoplay and not playhead.live:
             self._autoplay = False

@@ -50,6 +50,7 @@ def run_ball_states(arguments: BallStatesArguments, paths: tuple[Path, ...], *, 
     config = SimulatedReturnsConfig(task=task_profile(arguments.physics), told_after_ms=arguments.told_after_ms)
     read = [read_ball_states(path) for path in paths]
     if arguments.sample is not None:
+        # Fixed: a sample of one size is the same balls every time.
         rng = np.random.default_rng(0)
         read = [balls[np.sort(rng.permutation(len(balls))[: arguments.sample])] for balls in read]
     files: list[PlayedFile] = []

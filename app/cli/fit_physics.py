@@ -54,6 +54,7 @@ def run(arguments: FitPhysicsArguments) -> None:
 
     read = [read_flight_file(path) for path in arguments.flights]
     flights = [flight for flight, _ in read]
+    # Drawn, not the last ones: flights that were recorded in a row are alike.
     order = np.random.default_rng(arguments.seed).permutation(len(flights))
     tests = max(1, round(TEST_SHARE * len(flights)))
     test, fit = ([flights[k] for k in part] for part in (order[:tests], order[tests:]))

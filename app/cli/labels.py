@@ -226,6 +226,7 @@ def run_agree(arguments: LabelAgreeArguments) -> None:
     mine = first.layer.annotator
     name, blind = arguments.other or mine, arguments.other is None
     layer = Layer(first.layer.recording_uuid, first.layer.camera, name, blind)
+    # As they were before anybody looked at the other's: what was settled agrees by itself.
     mine_first, theirs_first = first.independent(), LabelStore.read(arguments.layer.folder, layer).independent()
     found = measure_agreement(mine_first.labels, theirs_first.labels)
     settled_us = np.union1d(mine_first.settled_us, theirs_first.settled_us)
@@ -366,6 +367,7 @@ def run_shift(arguments: LabelShiftArguments) -> None:
         if arguments.apply:
             if not shift.found:
                 raise CommandError("no shift was found to apply", got=shift.reason)
+            # Under another name: what a person placed stays as it is.
             name = f"{store.layer.annotator}-shifted"
             moved = [one for label in store.all() if (one := _moved(label, shift)) is not None]
             tool = f"rallyscope {version('rallyscope')}"

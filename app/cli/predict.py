@@ -64,6 +64,7 @@ def run(arguments: PredictArguments) -> None:
     paper = predictor_for(arguments.physics or "paper", hit_x_m=arguments.hit_x)
     points = read_points_file(arguments.points)
     t_s, ps_m = points.t_s, points.ps_m
+    # The contract of `predict`: later rows give only the times that are asked for.
     seen = t_s < t_s[0] + 1e-3 * arguments.observe_ms
     if arguments.method == "filter":
         config = filter_for(arguments.physics or "paper")

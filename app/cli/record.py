@@ -180,6 +180,7 @@ def _make_recording(
         say(f"what the cameras sent is kept; to try again: {again}", error=True)
         raise
     assert summary is not None
+    # Only now: until the recording is whole, the raw files are all there is.
     if not arguments.keep_raw:
         for path in [*paths, *tables]:
             path.unlink(missing_ok=True)

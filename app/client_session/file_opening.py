@@ -93,6 +93,7 @@ def choices_from(fields: Mapping[str, str]) -> OpeningChoices:
     sides = {}
     for name in ("width", "height"):
         text = fields.get(name, "")
+        # `int` takes digits of all scripts, and texts of any length.
         if text and not (text.isascii() and text.isdecimal() and len(text) < 8):
             raise CommandError("not a number of pixels", expected="such as 640", got=text, where=name.capitalize())
         sides[name] = int(text) if text else None
@@ -392,6 +393,7 @@ class FileOpening:
                 if answer is None or answer["state"] != "question":
                     return answer
                 with self._lock:
+                    # Under the lock: a page that is closed meanwhile would leave the source to nobody.
                     kept = not cancelled() and not self._closed
                     self._question = _Question(source, fields, refused) if kept else None
                 return {**answer, "fields": dict(fields), "refused": refused}

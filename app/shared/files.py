@@ -97,6 +97,7 @@ def bring_in(
         RecordingError: if the file cannot be read, or the disk has no room for the result.
     """
     own = path.parent == workspace.recordings
+    # Before anything is decoded: our own files are used where they are.
     if is_growing(path) or is_recording(path):
         if own:
             return path.stem

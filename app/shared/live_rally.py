@@ -123,6 +123,7 @@ class LiveRally:
         self._forgotten_us = 0
         self._follows_ball = False
         """Whether the ball in play was followed from its serve on."""
+        # In this order: when the rally hears of a block itself, the recording has it.
         source.add_listener(self.watch)
         source.add_listener(self.recording)
         self.player = LivePlayer(self._source_with_robot)
