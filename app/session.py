@@ -34,7 +34,7 @@ from app.panels.recording_info import RecordingInfo, gather_info
 from app.panels.time_bar import Runs, TimeBar, Tracks, moments_of, opening_us, same_moments, tracks_of
 from app.scene.world import World
 from app.shared.source_notifications import SourceNotifications
-from app.startup.example_rally import ExampleRally
+from app.startup.example_rally import AFTER_S, ExampleRally
 from app.startup.panel import AwaitedRecording, PreparationPanel
 from app.startup.startup import Preparation
 from app.state.client_state import MODES, ClientState, ModeName, Playhead
@@ -111,7 +111,9 @@ class Session:
         self.page = SessionPage(visit, pages, services.browsers, pool, self)
         self.plane = ImageView(client, self._clicked)
         self.world = World(client, lambda: self.plane.aspect)
-        self._example = ExampleRally(self.world.draw)
+        self._preparation = preparation
+        is_first = preparation is not None and preparation.is_first
+        self._example = ExampleRally(self.world.draw, after_s=0.0 if is_first else AFTER_S)
         self._interface = ControlPanel(client.gui, self.send, self._send_key, self)
         with self._interface.modes_folder:
             self._modes: dict[ModeName, Mode] = {name: FACTORIES[name](self) for name in MODES}
@@ -228,6 +230,8 @@ class Session:
                 self.world.show(True)
                 if self._awaited.is_preparing:
                     self._example.tick(wall_s, STILLS_EVERY_S if self._pace.by_software else 0.0)
+                    if self._preparation is not None and self._example.is_shown:
+                        self._preparation.picture_is_shown.set()
                 self.world.billboard_wxyz()
                 self._reveal()
             return
