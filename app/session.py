@@ -225,15 +225,8 @@ class Session:
         if (arrived := self._awaited.tick()) is not None:
             self._openings.submit(arrived)
         if self._state is None or self._recording is None:
-            if self._awaited.waiting:  # an empty table before the first ball
-                self.plane.set_visible(False)
-                self.world.show(True)
-                if self._awaited.is_preparing:
-                    self._example.tick(wall_s, STILLS_EVERY_S if self._pace.by_software else 0.0)
-                    if self._preparation is not None and self._example.is_shown:
-                        self._preparation.picture_is_shown.set()
-                self.world.billboard_wxyz()
-                self._reveal()
+            if self._awaited.waiting:
+                self._show_before_the_first(wall_s)
             return
         if isinstance(self._recording, RingRecording):
             self._grow(self._recording, wall_s)
@@ -266,6 +259,17 @@ class Session:
             self._request_picture(self._state, self._recording, now_us, wall_s)
         mode.tick(self._state, now_us, wall_s)
         self.plane.show_staleness(wall_s, moving=self._state.playhead.playing)
+        self.world.billboard_wxyz()
+        self._reveal()
+
+    def _show_before_the_first(self, wall_s: float) -> None:
+        """An empty table, and a recorded rally over it while something is compiled."""
+        self.plane.set_visible(False)
+        self.world.show(True)
+        if self._awaited.is_preparing:
+            self._example.tick(wall_s, STILLS_EVERY_S if self._pace.by_software else 0.0)
+            if self._preparation is not None and self._example.is_shown:
+                self._preparation.picture_is_shown.set()
         self.world.billboard_wxyz()
         self._reveal()
 

@@ -109,7 +109,7 @@ def allow_threads(connection: Any) -> None:
     Raises:
         PackageError: if its buffer is not where it was.
     """
-    buffer = connection.get_message_buffer() if hasattr(connection, "get_message_buffer") else None
+    buffer: Any = connection.get_message_buffer() if hasattr(connection, "get_message_buffer") else None
     if not isinstance(getattr(buffer, "message_event", None), asyncio.Event):
         raise moved_part("AsyncMessageBuffer.message_event")
     buffer.message_event = CrossThreadEvent()
