@@ -110,7 +110,7 @@ def allow_threads(connection: Any) -> None:
         PackageError: if its buffer is not where it was.
     """
     buffer = connection.get_message_buffer() if hasattr(connection, "get_message_buffer") else None
-    if not isinstance(getattr(buffer, "message_event", None), asyncio.Event):
+    if buffer is None or not isinstance(getattr(buffer, "message_event", None), asyncio.Event):
         raise moved_part("AsyncMessageBuffer.message_event")
     buffer.message_event = CrossThreadEvent()
 
