@@ -109,8 +109,8 @@ def allow_threads(connection: Any) -> None:
     Raises:
         PackageError: if its buffer is not where it was.
     """
-    buffer: Any = connection.get_message_buffer() if hasattr(connection, "get_message_buffer") else None
-    if not isinstance(getattr(buffer, "message_event", None), asyncio.Event):
+    buffer = connection.get_message_buffer() if hasattr(connection, "get_message_buffer") else None
+    if buffer is None or not isinstance(getattr(buffer, "message_event", None), asyncio.Event):
         raise moved_part("AsyncMessageBuffer.message_event")
     buffer.message_event = CrossThreadEvent()
 
