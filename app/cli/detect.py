@@ -339,8 +339,8 @@ def say_trace(trace: MethodTrace, title: str) -> None:
     stages: list[dict[str, object]] = [
         {
             "stage": name,
-            "in": f"{count.count_in} {count.unit_in or count.unit}",
-            "out": f"{count.count_out} {count.unit}",
+            "in": "-" if count.not_run else f"{count.count_in} {count.unit_in or count.unit}",
+            "out": count.not_run or f"{count.count_out} {count.unit}",
             "ms": "-" if count.seconds is None else f"{1e3 * count.seconds:.2f}",
         }
         for name, count in trace.counts.items()

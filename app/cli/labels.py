@@ -63,17 +63,20 @@ class LabelImportArguments:
     layer: LayerArguments
     format: str = flag(FORMAT_HELP, "|".join(FORMATS), choices=FORMATS)
     frame_times: Path | None = flag(
-        "column t_us (t_ms, t_s): the time of each picture, by its row from 0, or by a column frame or name", "CSV"
+        "table with the time of each picture in a column t_us, t_ms or t_s; a column frame or name says which picture, "
+        "else the first row is picture 0",
+        "CSV",
     )
-    ball_class: str | None = flag("the class that is the ball, where it has another name or no list", "NAME|N", "ball")
-    scale_pictures: bool = flag("scale labels if all pictures have one size, another than the sensor's")
+    ball_class: str | None = flag("name or number of the ball's class, if it is not called ball", "NAME|N", "ball")
+    scale_pictures: bool = flag("scale labels to the sensor, where all pictures have one other size")
     picture_size: PictureSize | None = flag(
         "size of the pictures, where the files do not state it (tracknet, a track as csv)", "WxH"
     )
     empty_pictures: Literal["no-ball", "unchecked"] = flag(
-        "listed pictures without any annotation: somebody saw no ball, or nobody looked", default="unchecked"
+        "listed pictures without annotation are no-ball (somebody looked and saw none) or unchecked (nobody looked)",
+        default="unchecked",
     )
-    replace: bool = flag("replace labels that are there already")
+    replace: bool = flag("replace labels of this annotator at the same times")
     check: bool = flag("show what would be imported and what would be rejected; write nothing")
 
 
@@ -85,18 +88,18 @@ class LabelExportArguments:
     format: str = flag(FORMAT_HELP, "|".join(FORMATS), choices=FORMATS)
     out: Path = flag("a folder; for hdf5 a file", "DIR")
     pictures: bool = flag("draw the events of each label as a PNG beside it")
-    window_us: PositiveInt = flag("length of the window of a picture", "N", 2000)
-    stride_us: PositiveInt | None = flag("time between the pictures of the clip", "N")
-    unchecked: Literal["refuse", "drop"] = flag("tracknet: pictures without label", default="refuse")
+    window_us: PositiveInt = flag("how much of the events --pictures draws, in us", "N", 2000)
+    stride_us: PositiveInt | None = flag("write a clip with a picture every N us from the start, for tracknet", "N")
+    unchecked: Literal["refuse", "drop"] = flag("tracknet: if pictures of the clip have no label", default="refuse")
     decimals: bool = flag("voc, tracknet: do not round to whole pixels")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabelAgreeArguments:
-    """Compare two annotators, or one with the blind repeats."""
+    """Compare two annotators, or one with their own second looks."""
 
     layer: LayerArguments
-    other: str | None = flag("the other annotator", "NAME", "blind repeats", name="with")
+    other: str | None = flag("the other annotator", "NAME", "second looks of --annotator", name="with")
 
 
 def run_import(arguments: LabelImportArguments) -> None:
@@ -240,11 +243,11 @@ def run_agree(arguments: LabelAgreeArguments) -> None:
     if len(settled_us):
         times = ", ".join(f"{t_us:,}" for t_us in settled_us[:MAX_TIMES].tolist())
         more = ", ..." if len(settled_us) > MAX_TIMES else ""
-        notes.append(f"conflicts at {len(settled_us)} times: compared as they were before ({times}{more} us)")
+        notes.append(f"conflicts were settled at {len(settled_us)} times: compared as before that ({times}{more} us)")
     if lost:
-        notes.append(f"{lost} labels left out: they settle conflicts, and this store holds nothing from before")
+        notes.append(f"{lost} labels left out: they settle conflicts, and the labels before that are not stored")
     if copied:
-        notes.append(f"{copied} labels name another annotator: taken over, so no agreement of two people")
+        notes.append(f"{copied} labels were taken over from another annotator: their agreement says nothing")
     as_json = {"first": mine, "second": name, "blind": blind, "left_out": lost, "copied": copied}
     as_json |= {"settled_us": settled_us.tolist(), **asdict(found)}
     arguments.layer.tell(as_json, [counts, *notes, *_agreement_lines(found, lost)])
@@ -257,7 +260,7 @@ def _agreement_lines(found: Agreement, lost: int) -> list[str]:
     """
     if not found.common:
         return ["no common labels: nothing can be compared"]
-    kappa = "kappa not defined: both say one thing only" if isnan(found.kappa) else f"kappa {found.kappa:.3f}"
+    kappa = "kappa not defined: both used one state only" if isnan(found.kappa) else f"kappa {found.kappa:.3f}"
     states = f"states: {found.same_state} of {found.common} the same, {kappa}"
     if lost:
         states = (
@@ -265,7 +268,7 @@ def _agreement_lines(found: Agreement, lost: int) -> list[str]:
             f"times {found.same_state} the same"
         )
     if not found.both_seen:
-        return [states, "positions: no common label in which both have seen the ball"]
+        return [states, "positions: no common label in which both saw the ball"]
     return [
         states,
         f"positions ({found.both_seen}), by how they were made; bias {found.bias_x_px:+.2f} {found.bias_y_px:+.2f} px"
@@ -298,9 +301,9 @@ def _distance(text: str) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabelMergeArguments:
-    """Put label stores of one recording together. Where annotators disagree, the labels are listed and left out."""
+    """Merge label stores of one recording. Labels on which annotators disagree are listed and left out."""
 
-    stores: tuple[Path, ...] = positional("a labels.sqlite, or the folder of a recording's labels", "STORE")
+    stores: tuple[Path, ...] = positional("a labels.sqlite, or the folder that holds it", "STORE")
     out: Path = flag("the new store", "FILE.sqlite")
     within_px: Annotated[float, _distance] = flag("centres farther apart are a conflict", "PX", WITHIN_PX)
     prefer: str | None = flag("whose labels to take in conflicts", "NAME", "nobody's")
@@ -319,7 +322,7 @@ def run_merge(arguments: LabelMergeArguments) -> None:
 def _lines(merged: MergedStores, arguments: LabelMergeArguments) -> list[str]:
     lines = [
         f"{merged.labels} labels merged into {arguments.out}; {len(merged.conflicts)} conflicts, "
-        f"{merged.left_out} labels left out; {merged.superseded} replaced by what their annotator said later"
+        f"{merged.left_out} labels left out; {merged.superseded} replaced by later labels of the same annotator"
     ]
     if merged.settled:
         lines.append(f"{merged.settled} conflicts were settled in Label: the label that settles each was taken")
@@ -339,11 +342,11 @@ def _conflict_line(conflict: LabelConflict) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabelShiftArguments:
-    """Compare labels with what a detector finds in the events, and tell the shift between them with its uncertainty."""
+    """Measure by how much labels are shifted, in time and in pixels, from what a detector finds in the events."""
 
     layer: LayerArguments
     detector: DetectorArguments
-    apply: bool = flag("write the moved labels, as those of NAME-shifted")
+    apply: bool = flag("store the moved labels as those of an annotator NAME-shifted")
 
 
 def run_shift(arguments: LabelShiftArguments) -> None:
@@ -400,7 +403,7 @@ def _shift_lines(shift: LabelShift) -> list[str]:
     )
     if shift.is_zero:
         return [f"the labels fit the events: {measured}"]
-    return [f"the labels have to move by {measured}", "--apply writes the moved labels beside the others"]
+    return [f"move the labels by {measured}", "--apply stores the moved labels beside these"]
 
 
 ACTS = {

@@ -47,7 +47,7 @@ class LabelScoreArguments:
     detector: MethodArguments
     window_us: PositiveInt | None = flag("length of a window", "N", "the config's")
     in_time: StreamingArguments
-    picture: Path | None = flag("precision, recall and errors as a picture", "FILE.svg")
+    picture: Path | None = flag("draw precision, recall and errors into a picture", "FILE.svg")
     engine: SharedBackendArguments
 
     def layer(self, recording: Path) -> LayerArguments:

@@ -36,7 +36,7 @@ VERBS = {
     "fit-physics": "fit the flight model to real flights",
     "tune": "search for better detection parameters",
     "train-detector": "train a detector that learns from pictures",
-    "labels": "import, export, score and merge labels",
+    "labels": "import, export, score, compare, merge and shift labels",
     "export": "write a recording for other tools",
 }
 MODULES = {

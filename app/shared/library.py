@@ -29,11 +29,13 @@ class Library:
         self._health_lock = threading.Lock()
 
     def add_external(self, path: Path) -> str:
-        """Offer a recording for as long as this process lives; returns its name: one of the workspace keeps its own."""
-        if (
-            path.stem in self._workspace_names()
-            and self._workspace.recording_path(path.stem).resolve() == path.resolve()
-        ):
+        """Offer a recording for as long as this process lives; returns its name.
+
+        One of the workspace keeps its own name: it stands in the list already.
+        """
+        path = path.resolve()
+        of_workspace = path.parent == self._workspace.recordings.resolve() and path.suffix == ".h5"
+        if of_workspace and path.stem in self._workspace_names():
             return path.stem
         for name, known in self._external.items():
             if known == path:

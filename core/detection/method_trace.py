@@ -101,6 +101,8 @@ class StageCount:
     """What `count_in` counts, where that is not `unit`."""
     seconds: float | None = None
     """Run time; None if the stages are not timed one by one."""
+    not_run: str = ""
+    """Why the stage was left out in this window; empty if it was run."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

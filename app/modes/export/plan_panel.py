@@ -97,7 +97,7 @@ class AnnotatorQuestion:
         with self._modal:
             gui.add_markdown("Several annotators have labelled this recording. The file shows the labels of one.")
             self._name = gui.add_dropdown("Labels of", (*annotators, NOBODY))
-            go = gui.add_button("Export", icon=viser.Icon.CHECK)
+            go = gui.add_button("Export", icon=viser.Icon.CHECK, color="teal")
             no = gui.add_button("Not now")
         when_clicked(go, lambda: self._end(str(self._name.value)))
         when_clicked(no, lambda: self._end(None))

@@ -58,10 +58,10 @@ class AnnotatorPrompt:
         """Exactly one of `named` and `declined` is called, from viser's loop."""
         self._modal = gui.add_modal("Who labels?")
         with self._modal:
-            gui.add_markdown("Labels are kept under a name of yours. It is asked for once in this window.")
+            gui.add_markdown("Your labels are stored under your name. This window asks once.")
             self._name = gui.add_text("Your name", default)
             self._wrong = gui.add_html("")
-            go = gui.add_button("Label under this name", icon=viser.Icon.CHECK)
+            go = gui.add_button("Label under this name", icon=viser.Icon.CHECK, color="teal")
             no = gui.add_button("Not now")
         self._named = named
         when_clicked(go, self._take)

@@ -13,7 +13,7 @@ from core.detection.saved import SavedDetector
 from core.metrics.run import answer_window
 from core.recordings import CameraStream
 
-NOT_FOUND: Final = "no ball found here"
+NOT_FOUND: Final = "the detector finds no ball here"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

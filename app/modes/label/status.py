@@ -18,7 +18,7 @@ from app.pictures.palette import PaletteIndex
 from labels.assist import Proposals
 from labels.model import Label
 
-HERE_STYLE = "height:60px;overflow-y:auto"
+HERE_STYLE = "height:66px;overflow-y:auto"
 """Style of the lines of one time: as high for one line as for three, or the controls below move under the mouse."""
 BRAND = f"rgb{theme.BRAND_RGB}"
 AMBER = "#ffb020"
@@ -118,6 +118,8 @@ def progress_html(checked: Checked) -> str:
         f"<div style='height:6px;border-radius:3px;width:{100 * share:.1f}%;background:{theme.GOOD}'></div></div>"
     )
     labels = "1 label" if checked.labels == 1 else f"{checked.labels} labels"
+    if checked.labels > checked.checked:
+        labels += f", {checked.labels - checked.checked} between these times"
     text = f"{checked.checked} of {checked.total} times checked, {labels}"
     return f"<div style='font-size:12.5px;padding:2px 12px'>{text}{bar}</div>"
 

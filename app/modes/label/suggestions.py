@@ -206,12 +206,19 @@ class LabelSuggestions:
         item = next((item for item in items if (camera, item.t_us) not in self._visited), None)
         if item is None:
             self._visited.clear()
-            text = "All items were visited. Press again to start over." if items else "No label looks wrong."
-            self._editor.note("Queue", text, "green")
+            self._note_end(bool(items))
             return
         self._visited.add((camera, item.t_us))
         self._give_reason(item.reason, item.t_us)
         self._editor.go_to(item.t_us)
+
+    def _note_end(self, visited: bool) -> None:
+        here = self._editor.labelling.here
+        if not len(here.arrays) and not here.proposals:
+            self._editor.note("Nothing to check", "No labels or proposals here yet: click a ball, or press I.")
+            return
+        text = "All items were visited. Press again to start over." if visited else "No label or proposal looks wrong."
+        self._editor.note("Queue", text, "green")
 
     # Repeat annotations -------------------------------------------------------------------------------------------
 
@@ -332,9 +339,17 @@ def accept_segment(editor: LabelEditor) -> None:
         return
     first_us, last_us = proposals.t_us[rows[[0, -1]]].tolist()
     labels = _accepted_labels(now, now.here, proposals, _times_between(now, first_us, last_us))
-    if editor.write(_put_new(labels)):
-        editor.note("Segment accepted", f"{len(labels)} labels; Z takes them all back", "green")
+    if editor.write(_put_new(labels), then=lambda saved: _note_stored(editor, "Segment accepted", saved)):
         editor.go_to(now.grid.moved(last_us, +1))
+
+
+def _note_stored(editor: LabelEditor, title: str, saved: Saved) -> None:
+    """Say how many labels are on the disk; the times of a segment may all have labels already."""
+    count = len(saved.touched_us)
+    if count:
+        editor.note(title, f"{count} {'label' if count == 1 else 'labels'}; Z takes back all of this step.", "green")
+    else:
+        editor.note("Nothing to accept", "Every time of this segment has a label, or its proposal was rejected.")
 
 
 def interpolate(editor: LabelEditor) -> None:
@@ -354,7 +369,7 @@ def interpolate(editor: LabelEditor) -> None:
         if count:
             editor.note("Interpolated", f"{count} labels; Z takes them back", "green")
         else:
-            editor.note("Interpolated", "Needs five labels without a gap between them.")
+            editor.note("Not interpolated", "Needs five labels without a gap, and unchecked times between them.")
 
     editor.write(change, then=then)
 

@@ -164,7 +164,7 @@ def confirm_overwrite(gui: viser.GuiApi, config: str, start: Callable[[], None])
     modal = gui.add_modal("Overwrite config B?")
     with modal:
         gui.add_html(f"<div>The result becomes config B. B now is: {html_text(config)}. Undo brings it back.</div>")
-        overwrite = gui.add_button("Overwrite B", icon=viser.Icon.WAND)
+        overwrite = gui.add_button("Overwrite B", icon=viser.Icon.WAND, color="teal")
         keep = gui.add_button("Keep B", icon=viser.Icon.X)
 
     def begin() -> None:

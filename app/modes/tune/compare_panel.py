@@ -159,7 +159,7 @@ class ComparePanel:
             self._against = gui.add_dropdown(
                 "Reference",
                 (KNOWN, *METHODS),
-                hint="The reference: truth or labels, or another method to measure agreement with",
+                hint="Truth of a simulated camera, else its labels; or a method to measure agreement with",
             )
             self._span = gui.add_dropdown("Over", tuple(SPANS))
             hint = "Recall, error and run time over the recording, and the places where each method fails"

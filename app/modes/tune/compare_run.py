@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from app import theme
 from app.formatting import html_text, table_row
-from app.modes.tune.label_score import find_reference
+from app.modes.tune.label_score import labels_to_score
 from app.pictures.palette import METHOD_RGB
 from app.state.client_state import Slot
 from app.state.config_words import settings_words
@@ -101,7 +101,7 @@ def known_reference(labels: Path, uuid: str, stream: CameraStream) -> PixelRefer
     """The truth of a camera, else the labels of whoever made the most; None where nothing is known."""
     if stream.truth is not None:
         return truth_reference(stream.truth, stream.sensor)
-    store = find_reference(labels, uuid, stream.name)
+    store = labels_to_score(labels, uuid, stream)
     if store is None:
         return None
     kept = store.labels()

@@ -53,6 +53,19 @@ def find_reference(folder: Path, recording_uuid: str, camera: str, annotator: st
     return best if best is not None and len(best.labels()) else None
 
 
+def labels_to_score(
+    folder: Path, recording_uuid: str, stream: CameraStream, annotator: str | None = None
+) -> LabelStore | None:
+    """The labels that Score and Compare over time take as the reference of a camera; None where they take none.
+
+    Labels of an annotator who is named; else those of the one who has made the most, but none where the truth is known:
+    the truth of a simulated camera is complete, and both then count the same balls.
+    """
+    if annotator is None and stream.truth is not None:
+        return None
+    return find_reference(folder, recording_uuid, stream.name, annotator)
+
+
 def score_with_labels(
     folder: Path,
     reference: LabelStore,

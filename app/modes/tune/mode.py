@@ -10,11 +10,12 @@ from app.modes.mode import Middle, ModeHost
 from app.modes.tune.auto_tune import AutoTune
 from app.modes.tune.compare import CompareOverTime
 from app.modes.tune.compare_run import KnownReferences
-from app.modes.tune.label_score import LabelScore, find_reference, score_with_labels
+from app.modes.tune.label_score import LabelScore, labels_to_score, score_with_labels
 from app.modes.tune.nothing_found import NothingFound, SampleRequest
 from app.modes.tune.results_panel import ResultsPanel
 from app.modes.tune.run_score import RunScore, score_run
 from app.modes.tune.settings import ConfigFilesPanel, SettingsPanel, TuneViewPanel, detect_command
+from app.modes.tune.verdict_line import ScoredConfig, VerdictLine
 from app.panels.time_bar import Runs, runs_of_verdicts
 from app.state.client_state import SLOTS, ClientState, Slot
 from app.state.commands import BeginScore, Command, LookAt, UseConfig
@@ -47,6 +48,7 @@ class TuneMode:
         self._score = LoopJob[RunScore | LabelScore](
             host.later, host.report, lambda: self._results.score.show_running(False)
         )
+        self._verdicts = VerdictLine(lambda runs: host.show_runs("detector", runs))
         self._answers = AnswerCache()
         self._last_px: dict[str, tuple[float, float]] = {}
         """Last position of the ball, by camera."""
@@ -89,6 +91,8 @@ class TuneMode:
         self._results.panel.visible = active
         self._compare.show(active)
         self._known.clear()  # labels may have changed
+        if not active:
+            self._verdicts.follow(None)
         self._shown = self._requested = None
         self._progress_s = self._offered_s = float("-inf")
 
@@ -97,6 +101,7 @@ class TuneMode:
         self._score.cancel()
         self._auto.cancel()
         self._compare.forget()
+        self._verdicts.forget()
         self._answers.clear()
         self._sample = None
         self._last_px.clear()
@@ -112,6 +117,7 @@ class TuneMode:
                 self._settings.show(state)
                 self._auto.panel.use_method(state.tune.method)
                 self._compare.show_state(state)
+            self._verdicts.follow(_shown_config(state))
         if wall_s - self._offered_s > OFFER_EVERY_S:
             self._offered_s = wall_s
             self._files.show(self._host.services.workspace.config_names())
@@ -254,43 +260,46 @@ class TuneMode:
     # The score ----------------------------------------------------------------------------------------------------
 
     def _start_score(self, annotator: str | None = None) -> None:
-        """Start a score against the labels of one annotator (by default the one with the most labels), then show the
-        result.
-        """
+        """Start a score against the labels of one annotator, or what `labels_to_score` takes, then show the result."""
         state, recording = self._host.state, self._host.recording
         if state is None or recording is None or self._score.running:
             return
         stream, config = recording.cameras[state.camera], state.config
         method, added_us = state.tune.method, self._results.score.added_us
+        scored = _shown_config(state)
         title = f"{state.recording}, {state.camera}, {config_words(method, state.tune.slot, config)}"
         folder, uuid, later = self._host.services.workspace.labels, recording.uuid, self._host.later
 
         def work(progress: Progress, cancelled: Callable[[], bool]) -> RunScore | LabelScore:
-            # What a person said, else what the simulation knows.
-            reference = find_reference(folder, uuid, stream.name, annotator)
+            reference = labels_to_score(folder, uuid, stream, annotator)
             if reference is None:
                 truth = known_truth(stream)
                 score = score_run(stream, truth, method, config, progress=progress, cancelled=cancelled)
                 runs = runs_of_verdicts(judge_answers(score.timed.answers, truth), score.judged.run.window_us)
-                later(lambda: self._show_verdicts(uuid, runs))
+                later(lambda: self._show_verdicts(uuid, scored, runs))
                 return score
             return score_with_labels(
                 *(folder, reference, stream, method, config, added_us), progress=progress, cancelled=cancelled
             )
 
         self._score.start(work, lambda score: self._score_done(title, score, announced=annotator is not None))
-        self._results.score.show_running(True)
+        self._results.score.show_running(True, title)
 
-    def _show_verdicts(self, uuid: str, runs: Runs) -> None:
+    def _show_verdicts(self, uuid: str, scored: ScoredConfig, runs: Runs) -> None:
         """Mark in the time bar where the score counted hits, misses and false positives; a click goes there."""
-        recording = self._host.recording
+        recording, state = self._host.recording, self._host.state
         if self._score.running and recording is not None and recording.uuid == uuid:
-            self._host.show_runs("detector", runs)
+            self._verdicts.keep(scored, runs)
+            self._verdicts.follow(_shown_config(state) if self._active and state is not None else None)
 
     def _score_done(self, title: str, score: RunScore | LabelScore, *, announced: bool) -> None:
         self._results.score.show_score(title, score)
         if announced and self._active:
             self._results.score.show_window()
+
+
+def _shown_config(state: ClientState) -> ScoredConfig:
+    return ScoredConfig(state.camera, state.tune.method, state.config)
 
 
 def _answer(request: TuneRequest | MethodsRequest) -> PictureAnswer:

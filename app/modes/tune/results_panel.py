@@ -57,8 +57,10 @@ class ScorePanel:
         """What an answer takes besides computing."""
         return round(1e3 * min(max(float(self._delay.value), 0.0), MAX_DELAY_MS))
 
-    def show_running(self, running: bool) -> None:
-        """Swap the start button for progress and cancel."""
+    def show_running(self, running: bool, title: str = "") -> None:
+        """Swap the start button for progress and cancel; `title` names what is scored."""
+        if not self._runs:
+            self._table.content = stage_counts_html(html_text(f"Scoring {title}") if title else "No score yet")
         self._start.visible = not running
         self._cancel.visible = running
         self._progress.visible = running
@@ -229,12 +231,14 @@ def candidates_html(
     more = f"<div>and {len(ordered) - LISTED} more</div>" if len(ordered) > LISTED else ""
     label = f"{html_text(name)}: " if name else ""
     plural = "es" if trace.noun.endswith("x") else "s"
-    count = f"{len(ordered)} {trace.noun}" if len(ordered) == 1 else f"{len(ordered)} {trace.noun}{plural}"
+    count = "" if len(ordered) == 1 else f"{len(ordered)} {trace.noun}{plural}"  # a single one is the row below
     why = f": {reasons_html(trace.reasons)}" if trace.reasons and not ordered else ""
-    summary = " &middot; ".join([f"{label}{verdict}{why}", *facts, trace.where, count])
+    parts = [one for one in (*facts, trace.where, count) if one]
+    phrases = "".join(f" &middot; <span style='white-space:nowrap'>{one}</span>" for one in parts)
+    summary = f"{label}{verdict}{why}{phrases}"
     shown = next((one for one in ordered if one.residuals is not None), None)
     plot = residuals_html(trace.noun, shown.label, shown.residuals) if shown is not None and shown.residuals else ""
-    table = f"<table style='width:100%;border-spacing:0'>{head}{rows}</table>"
+    table = f"<table style='width:100%;border-spacing:0'>{head}{rows}</table>" if rows else ""
     rows_html = f"<div style='flex:1;min-width:0'>{summary}{table}{more}</div>"
     return f"<div style='{TIGHT};display:flex;gap:12px'>{rows_html}{plot}</div>"
 

@@ -61,7 +61,8 @@ def run_scores_html(rows: list[str]) -> str:
     return (
         "<div style='font-size:12.5px;padding:4px 12px'>"
         f"<table style='width:100%'>{head}{''.join(rows)}</table>"
-        "Counted as in Compare over time: every millisecond with the whole ball in view for 10 ms asks for a ball, "
+        "Reference, as in Compare over time: the truth of the camera; Score the detector in Label takes labels. Every "
+        "millisecond with the whole ball in view for 10 ms asks for a ball, "
         "which is found within 8 px of the truth at the answer's own time. Live: the newest answer that a robot would "
         "have; its median age, its median error as it is, and extrapolated with the ball's velocity.</div>"
     )

@@ -159,9 +159,12 @@ class SettingsPanel:
 
 def count_html(count: StageCount) -> str:
     """One line with what came into a stage, what it kept, and its time; the page greys it while it is outdated."""
+    if count.not_run:
+        return f"<div class='rallyscope-answer rallyscope-count'>{stage_counts_html(html_text(count.not_run))}</div>"
     alike = count.unit_in in ("", count.unit)
     share = f" ({percent(count.count_out / count.count_in)})" if alike and count.count_in else ""
-    before = f"{count.count_in}" if alike else f"{count.count_in} {html_text(count.unit_in)}"
+    unit_in = count.unit_in[:-1] if count.count_in == 1 and count.unit_in.endswith("s") else count.unit_in
+    before = f"{count.count_in}" if alike else f"{count.count_in} {html_text(unit_in)}"
     seconds = "" if count.seconds is None else f" &middot; {count.seconds * 1e3:.2f} ms"
     kept = f"{before} &rarr; <b>{count.count_out}</b> {html_text(count.unit)}{share}{seconds}"
     whole = f"{before} &rarr; {count.count_out} {html_text(count.unit)}{share}{seconds}"  # where a line is cut

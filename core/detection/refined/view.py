@@ -34,6 +34,7 @@ from core.events import Window
 VIEWS: Final = (RAW, "search", "candidates", "edge points", "fit", "track", RESULT)
 """The stages, as on their buttons."""
 TITLES: Final = ("from", "points", "radius", "px/ms", "residual", "coverage", "inside", "fill", "outliers")
+NOT_SEARCHED: Final = "not searched: a ball is tracked"
 TRAIL_MS: Final = 10.0
 """A track is drawn with the way that it goes in this time."""
 ROLES: Final = {"examined": "accepted", "tracked": "region", "waiting": "waiting", "rejected": "rejected"}
@@ -57,7 +58,7 @@ def view_of(trace: RefinedTrace, window: Window, reasons: tuple[Reason, ...], re
         candidates=tuple(_row(fit, tracks.get(fit.number), trace, residual_px) for fit in trace.fits),
         detection=trace.detection,
         reasons=() if trace.detection is not None else reasons,
-        where="searched for new balls" if trace.searched else "not searched: a ball is tracked",
+        where="searched for new balls" if trace.searched else NOT_SEARCHED,
     )
 
 
@@ -72,15 +73,16 @@ def _counts(trace: RefinedTrace, events: int) -> dict[str, StageCount]:
     points = sum(len(fit.edges.u_px) for fit in trace.fits if fit.edges is not None)
     good = sum(not fit.reasons for fit in trace.fits)
     found = int(trace.detection is not None)
-    history = trace.history_events
+    late = f"ball, at {trace.delay_us} µs before the window's end"
+    history, not_run = trace.history_events, "" if trace.searched else NOT_SEARCHED
     return {
         "window": StageCount(events, history, f"events in a history of {1e-3 * trace.history_us:.1f} ms", "new events"),
-        _group("search"): StageCount(history, pixels, unit="pixels survive", unit_in="events"),
-        _group("candidates"): StageCount(len(trace.blobs), examined, unit="examined", unit_in="blobs"),
+        _group("search"): StageCount(history, pixels, unit="pixels survive", unit_in="events", not_run=not_run),
+        _group("candidates"): StageCount(len(trace.blobs), examined, unit="examined", unit_in="blobs", not_run=not_run),
         _group("edge points"): StageCount(len(trace.fits), points, unit="edge points", unit_in="attempts"),
         _group("fit"): StageCount(fitted, good, unit="within the limits", unit_in="fits"),
         _group("track"): StageCount(len(trace.tracks), found, unit="confirmed and seen", unit_in="tracks"),
-        _group("result"): StageCount(found, found, f"ball, valid {trace.delay_us} us before the end", "confirmed"),
+        _group("result"): StageCount(found, found, late, "confirmed"),
     }
 
 

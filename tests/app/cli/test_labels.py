@@ -309,7 +309,7 @@ def test_a_conflict_that_was_settled_is_merged_and_compared_as_it_was_before(
     assert groups == {"by_hand": (2, 0), "snapped": (1, 1), "proposed": (0, 0), "other": (1, 1)}
     assert found["by_source"]["by_hand"]["median_px"] == pytest.approx(3.0)
     text = call(capsys, *words)[1]
-    assert "conflicts at 2 times: compared as they were before" in text and "taken over" in text
+    assert "conflicts were settled at 2 times: compared as before that" in text and "taken over" in text
     assert "median" not in text.split("by hand")[0], "no figure of clicks and snapped circles together"
     assert "by hand (2): median 3.00 px" in text and "snapped (1): median 0.00 px" in text and "taken twice" in text
 

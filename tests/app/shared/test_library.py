@@ -23,12 +23,13 @@ def test_recordings_have_files_of_the_workspace_and_guests_their_own(library: Li
     assert library.file_of(library.add_external(guest)) == guest
 
 
-def test_a_recording_of_the_workspace_given_by_its_path_is_there_once(library: Library, tmp_path, monkeypatch) -> None:
-    """As README has it: `import ... rallyscope-data/recordings/mine.h5`, then `serve` with that path."""
+def test_a_file_of_the_workspace_that_is_served_by_its_path_stands_in_the_list_once(
+    library: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
-    assert library.add_external(Path("data/recordings/mine.h5")) == "mine"
+    assert library.add_external(Path("data/recordings/../recordings/mine.h5")) == "mine"
     assert library.names() == ("live", "mine")
-    assert library.add_external(tmp_path / "mine.h5") == "mine-file"  # another file of that name
+    assert library.add_external(tmp_path / "elsewhere" / "mine.h5") == "mine-file"
 
 
 @pytest.mark.parametrize(("name", "says"), [("live", "no file yet"), ("../mine", "no such recording")])

@@ -340,8 +340,19 @@ def test_a_segment_is_accepted_as_one_step(bench: Bench) -> None:
     assert len(labels) > 20 and {label.provenance.source for label in labels.values()} == {PositionSource.ACCEPTED}
     truth = {t_us: bench.truth(t_us) for t_us in labels}
     assert max(abs((label.x_px or 0) - truth[t][0]) for t, label in labels.items()) < 2.0
+    assert [(one.title, one.text.split()[0]) for one in bench.notes] == [("Segment accepted", str(len(labels)))]
+    bench.look(BALL_US)
+    bench.editor.do(ACTS["accept_segment"])
+    bench.wait()
+    assert bench.notes[-1].title == "Nothing to accept" and bench.work.here.labels == labels
     bench.press("undo")
     assert not bench.work.here.labels
+
+
+def test_the_queue_of_a_camera_without_labels_and_proposals_finds_nothing_right(bench: Bench) -> None:
+    bench.suggestions.next_suspicious()
+    bench.wait(lambda: bench.notes)
+    assert [(note.title, note.colour) for note in bench.notes] == [("Nothing to check", "yellow")]
 
 
 @pytest.mark.gate

@@ -17,7 +17,7 @@ from app.modes.tune.compare_run import (
     stretch_names,
     stretches_html,
 )
-from app.modes.tune.label_score import find_reference, score_with_labels
+from app.modes.tune.label_score import find_reference, labels_to_score, score_with_labels
 from core.detection.methods import METHODS, method_config
 from core.errors import CommandError
 from core.metrics.compare import ErrorRun
@@ -135,6 +135,15 @@ def test_labels_are_counted_as_the_score_counts_them(stream, tmp_path: Path) -> 
         assert one.judged.error_at(50) == pytest.approx(score.groups[0].median_px)
         assert [stretch.start_us for stretch in one.missed] == [303_700]
         assert len(one.judged.run.step_s) == len(times)
+
+
+def test_score_and_compare_take_the_truth_of_a_simulated_camera_even_if_it_is_labelled(stream, tmp_path: Path) -> None:
+    with LabelStore.open(tmp_path, "u", "left", "ann") as store:
+        store.put(Label(t_us=300_300, state=LabelState.VISIBLE, x_px=10.0, y_px=10.0, r_px=6.0))
+    assert labels_to_score(tmp_path, "u", stream) is None
+    assert run(request_of(stream, tmp_path, methods=("refined",))).reference == "the truth"
+    for asked in (labels_to_score(tmp_path, "u", stream, "ann"), labels_to_score(tmp_path, "u", WithoutTruth(stream))):
+        assert asked is not None and asked.layer.annotator == "ann"
 
 
 class Forgets(WithoutTruth):

@@ -7,9 +7,11 @@ import pytest
 
 from core.config import replace_setting
 from core.detection import Detection, RefinedDetection, RefinedDetector, make_detector, refined_config
+from core.detection.method_trace import setting_group
 from core.detection.refined.ball_fit import Quality
 from core.detection.refined.patch import MovingCircle
 from core.detection.refined.track import BallTrack
+from core.detection.refined.view import view_of
 from core.detection.refined_config import RefinedConfig
 from core.events import SensorSize
 
@@ -70,6 +72,13 @@ def test_while_a_ball_is_tracked_nothing_is_searched(traces) -> None:
     (track,) = traces[-1].tracks
     assert track.confirmed and track.missing == () and track.fit is not None and track.age_us > 30_000
     assert traces[-1].detection.t_us == traces[-1].end_us - traces[-1].delay_us
+
+
+def test_a_stage_that_was_left_out_says_so_instead_of_counting_nothing(windows, traces) -> None:
+    searched, tracked = (view_of(traces[at], windows[at], (), 1.0).counts for at in (2, -1))
+    left_out = [name for name, count in tracked.items() if count.not_run]
+    assert left_out == [setting_group("refined", stage) for stage in ("search", "candidates")]
+    assert not any(count.not_run for count in searched.values())
 
 
 def test_a_search_shows_its_pixels_its_blobs_and_whose_turn_it_was(traces) -> None:

@@ -1,0 +1,50 @@
+"""What Tune says of one window, and of the stages that led to it."""
+
+import numpy as np
+import pytest
+
+from app.modes.tune.results_panel import candidates_html
+from app.modes.tune.settings import count_html
+from core.detection.method_trace import CandidateRow, MethodTrace, StageCount, View
+
+
+def make_trace(rows: int) -> MethodTrace:
+    row = CandidateRow(0, ("7",), (), "ball", 1.0, np.zeros(1), np.zeros(1))
+    return MethodTrace(
+        views=(View("result", "result", None),),
+        counts={},
+        noun="fit",
+        titles=("points",),
+        candidates=(row,) * rows,
+        detection=None,
+        reasons=(),
+    )
+
+
+@pytest.mark.parametrize(("rows", "tables"), [(0, 0), (2, 1)])
+def test_a_table_has_a_head_only_above_rows(rows: int, tables: int) -> None:
+    html = candidates_html("", make_trace(rows))
+    assert html.count("<th") == tables * 4 and html.count("<table") == tables
+    assert f"{rows} fits" in html
+
+
+def test_a_single_candidate_is_a_row_and_needs_no_count() -> None:
+    html = candidates_html("", make_trace(1))
+    assert "1 fit" not in html and "<th" in html
+
+
+@pytest.mark.parametrize(
+    ("count", "text"),
+    [
+        (StageCount(1, 3, unit="edge points", unit_in="attempts"), "1 attempt &rarr; <b>3</b> edge points"),
+        (StageCount(2, 3, unit="edge points", unit_in="attempts"), "2 attempts &rarr;"),
+        (StageCount(1, 1, unit="ball", unit_in="confirmed"), "1 confirmed &rarr;"),
+        (StageCount(9192, 0, unit_in="blobs", not_run="not searched: a ball is tracked"), "not searched: a ball is"),
+    ],
+)
+def test_a_stage_counts_in_words_that_fit_the_number(count: StageCount, text: str) -> None:
+    assert text in count_html(count)
+
+
+def test_a_stage_that_was_not_run_has_no_numbers() -> None:
+    assert "9192" not in count_html(StageCount(9192, 0, not_run="not searched: a ball is tracked"))
