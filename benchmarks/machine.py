@@ -66,3 +66,8 @@ def report_rows_to(progress: Callable[[float], None], rows: Iterable[Mapping[str
 def within(progress: Callable[[float], None], first: float, last: float) -> Callable[[float], None]:
     """Progress of a part, 0 to 1, as progress of the whole from `first` to `last`."""
     return lambda share: progress(first + share * (last - first))
+
+
+def two_digits(value: object) -> str:
+    """A number to two significant digits, without an exponent where it can do without; "-" for None."""
+    return "-" if value is None else f"{float(f'{float(str(value)):.2g}'):g}"

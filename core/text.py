@@ -104,11 +104,6 @@ def markdown_table(titles: Sequence[str], rows: Iterable[Sequence[object]], form
     return "".join(f"| {' | '.join(line)} |\n" for line in (titles, marks, *cells))
 
 
-def two_digits(value: object) -> str:
-    """A number to two significant digits, without an exponent where it can do without; "-" for None."""
-    return "-" if value is None else f"{float(f'{float(str(value)):.2g}'):g}"
-
-
 LONGEST: Final = 300
 _UNFIT: Final = re.compile(
     "[\x00-\x1f\x7f-\x9f"  # controls: ESC moves a terminal's cursor, CR and backspace write over what was said

@@ -75,7 +75,7 @@ class TimeDifference:
 
     pairs: int
     median_us: float
-    """Of the absolute difference, as `p95_us`."""
+    """Median of the absolute difference; `p95_us` is its 95th percentile."""
     p95_us: float
     bias_us: float
     """Median of the difference with its sign."""
@@ -92,7 +92,7 @@ class ContactAgreement:
     same_kind: int
     time: TimeDifference
     by_kind: Mapping[str, TimeDifference]
-    """Of the events that both call by this kind; kinds without any are left out."""
+    """Time differences of the events that both call by this kind; kinds without any are left out."""
     confusion: Mapping[str, Mapping[str, int]]
     """[kind of the first][kind of the second] counts of the common events."""
 

@@ -1,7 +1,8 @@
 """The labels of one recording, one camera and one annotator: every acknowledged edit is on the disk.
 
 All layers of a recording are in one SQLite file, `<folder>/<recording uuid>/labels.sqlite`, to which any number of
-programs may write at the same time. A recording may be read-only, so labels are not kept in it.
+programs may write at the same time; in a folder of a network one program may, and others read. A recording may be
+read-only, so labels are not kept in it.
 """
 
 from __future__ import annotations
@@ -56,10 +57,11 @@ from labels.database.rows import (
     values_before_settling,
 )
 from labels.database.schema import recording_of
+from labels.database.snapshot import Snapshot
 from labels.model import ContactLabel, Label, LabelState, PositionSource
 
 __all__ = ["LabelProgress", "LabelStore", "Layer", "UndoStep", "find_annotators", "find_layers", "has_labels"]
-Said = TypeVar("Said", Label, ContactLabel)
+AnyLabel = TypeVar("AnyLabel", Label, ContactLabel)
 _FEW_CHANGES = 64
 """Up to so many changes are worked into the sorted columns one by one (about 1 ms each at 200,000 labels); more are
 read anew."""
@@ -105,6 +107,7 @@ class LabelStore:
         self.path = path
         self.notes = notes
         self._reader = reader
+        # A store that is only dropped closes its file, too.
         self._finalizers = [weakref.finalize(self, reader.close)]
         self._writer: sqlite3.Connection | None = None
         self._follows = False
@@ -147,13 +150,15 @@ class LabelStore:
         Journals of version 1 of this recording are taken over first.
 
         Raises:
-            LabelError: if it cannot be written, is damaged, lies on a network drive, or belongs to something else.
+            LabelError: if it cannot be written, is damaged, belongs to something else, or another program writes it in
+                a shared folder.
         """
         layer = Layer(recording_uuid, camera, annotator, blind)
         for name, value in (("recording", recording_uuid), ("camera", camera), ("annotator", annotator)):
             if not value.strip():
                 raise LabelError(f"labels need a name of the {name}", got=repr(value))
         path = layer.path(folder)
+        # First the writer: it makes the file that the reader opens.
         writer = open_to_write(path, recording_uuid)
         try:
             notes = migrate(writer, folder, recording_uuid)
@@ -162,7 +167,7 @@ class LabelStore:
                 if number is None:
                     with transaction(writer):
                         number = make_layer(writer, camera, annotator, blind)
-            store = cls(layer, path, open_to_read(path), notes)
+            store = cls(layer, path, open_to_read(path, own=True), notes)
         except BaseException:
             writer.close()
             raise
@@ -246,6 +251,13 @@ class LabelStore:
 
     def reject(self, t_us: int, x_px: float, y_px: float, r_px: float | None, detector: str) -> None:
         """Note that a proposal of a detector is wrong. No label changes.
+
+        Args:
+            t_us: time of the proposal.
+            x_px: its column.
+            y_px: its row.
+            r_px: its radius; None: not known.
+            detector: what proposed it.
 
         Raises:
             LabelError: if it is not saved.
@@ -364,7 +376,7 @@ class LabelStore:
     ) -> None:
         self.close()
 
-    def _stamp(self, label: Said) -> Said:
+    def _stamp(self, label: AnyLabel) -> AnyLabel:
         made = label.provenance
         return replace(
             label,
@@ -408,6 +420,8 @@ class LabelStore:
         if not self._follows:
             return
         with sqlite_errors(self.path, "cannot read the labels"):
+            if isinstance(self._reader, Snapshot) and self._reader.refresh():
+                self._change_mark = -1
             mark = self._reader.execute("PRAGMA data_version").fetchone()[0]
             if mark == self._change_mark:
                 return

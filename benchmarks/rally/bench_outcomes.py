@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.machine import describe_machine, machine_words, report_rows_to, within
+from benchmarks.machine import describe_machine, machine_words, report_rows_to, two_digits, within
 from core.cameras import Camera, stereo_preset
 from core.files import replace_file
 from core.learning.config import EnvironmentConfig, environment_profile
@@ -37,7 +37,7 @@ from core.physics.config import Profile
 from core.physics.episode import Case, Outcomes
 from core.simulation.episodes.episode_path import Trajectory, trace_episode
 from core.simulation.episodes.racket import RacketTarget
-from core.text import markdown_table, parse_json, two_digits
+from core.text import markdown_table, parse_json
 
 Array = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.machine import describe_machine, machine_words, report_rows_to
+from benchmarks.machine import describe_machine, machine_words, report_rows_to, two_digits
 from benchmarks.rally.closed_loop import ClosedLoop, PlayedBall
 from core.cameras import stereo_preset
 from core.cameras.presets import SENSOR_720
@@ -39,7 +39,7 @@ from core.physics.episode import Case
 from core.physics.task import STAGE_SPEEDS_MPS, TaskConfig, task_profile
 from core.recordings import BallTruth
 from core.simulation.episodes import draw_serves
-from core.text import markdown_table, two_digits
+from core.text import markdown_table
 
 CHAIN_NAMES: Final = {
     "filter": "the live rally's: detector `refined`, every point counts",

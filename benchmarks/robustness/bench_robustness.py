@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from benchmarks.machine import describe_machine, machine_words, report_rows_to
+from benchmarks.machine import describe_machine, machine_words, report_rows_to, two_digits
 from benchmarks.rally.closed_loop import ClosedLoop, PlayedBall
 from core.cameras import Camera, stereo_preset
 from core.chain.config import expected_physics
@@ -37,7 +37,7 @@ from core.physics.episode import Case
 from core.physics.rotation import base_orientation, multiply_quaternions
 from core.physics.task import TaskConfig, task_profile
 from core.simulation.episodes.racket import RacketTarget
-from core.text import markdown_table, parse_json, two_digits
+from core.text import markdown_table, parse_json
 from core.trajectory.filter_config import UNKNOWN
 
 Constant = Literal["drag", "restitution", "friction"]

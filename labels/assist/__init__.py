@@ -1,6 +1,6 @@
 """Assistance: pure functions that turn events, detections and labels into better or faster labels."""
 
-from labels.assist.between import label_from_snap, labels_between, labels_from_curve
+from labels.assist.between import labels_between, labels_from_curve
 from labels.assist.blind import is_blind_sample, next_blind
 from labels.assist.contact_proposals import propose_contacts
 from labels.assist.curve import interpolate
@@ -25,7 +25,6 @@ __all__ = [
     "fit_flight",
     "interpolate",
     "is_blind_sample",
-    "label_from_snap",
     "labels_between",
     "labels_from_curve",
     "load_snap",

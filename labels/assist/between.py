@@ -1,5 +1,5 @@
-"""Labels for the unlabelled times between labelled ones, by a flight in space where one fits, else by a curve; and
-labels made from what the assistance found, with a provenance that says so.
+"""Labels for the unlabelled times between labelled ones, by a flight in space where one fits, else by a curve,
+with a provenance that says so.
 """
 
 from __future__ import annotations
@@ -14,30 +14,7 @@ from core.cameras import Camera
 from labels.arrays import LabelArrays
 from labels.assist.curve import Curve, interpolate
 from labels.assist.flight import curve_of_flight, fit_flight
-from labels.assist.snap import Snap
 from labels.model import Label, LabelState, PositionSource, Provenance
-
-
-def label_from_snap(
-    snap: Snap,
-    *,
-    state: LabelState = LabelState.VISIBLE,
-    window_us: tuple[int, int] | None = None,
-    rendering: str = "",
-    time_spent_ms: int = 0,
-) -> Label:
-    """The label of a click that was snapped; window and rendering are those of the picture that was clicked."""
-    return Label(
-        t_us=snap.t_us,
-        state=state,
-        x_px=snap.x_px,
-        y_px=snap.y_px,
-        r_px=snap.r_px,
-        covariance_px2=snap.covariance_px2,
-        provenance=Provenance(
-            source=PositionSource.SNAPPED, window_us=window_us, rendering=rendering, time_spent_ms=time_spent_ms
-        ),
-    )
 
 
 def labels_from_curve(curve: Curve, *, made_of: str = "curve") -> tuple[Label, ...]:
@@ -76,6 +53,14 @@ def labels_between(
     `others` are the labels of other cameras, `cameras` the calibrations of the own and of those, in this order; with
     two or more a flight is fitted to all cameras' labels.
     Nothing is interpolated across `breaks_us`, bounces and hits.
+
+    Args:
+        keys: labels of the own camera.
+        others: labels of the other cameras.
+        cameras: calibrations, the own first.
+        times_us: (N,) unlabelled times, ascending.
+        t_us: time that says which segment.
+        breaks_us: bounces and hits.
     """
     if not len(times_us):
         return ()

@@ -55,6 +55,7 @@ def edge_points(
     cx, cy, vx, vy, r = values
     first[:] = -1
     last[:] = -1
+    # Read farther than what counts: an earlier event shows that a pixel's first in the window is not its first.
     reach_ms = half_ms + GUARD * half_ms
     for i in range(np.searchsorted(t_ms, -reach_ms), len(t_ms)):
         t = t_ms[i]
@@ -111,6 +112,7 @@ def fit_circle(
     factor = np.empty((UNKNOWNS, UNKNOWNS))
     squares = weights = 0.0
     for iteration in range(ITERATIONS):
+        # From 3 px down, halved in each round: first near the rim at all, then without outliers.
         scale = max(SHARPNESS_PX, 3.0 * 0.5**iteration)
         normal[:] = 0.0
         gradient[:] = 0.0
@@ -139,6 +141,7 @@ def fit_circle(
             return np.nan
         solve(factor, gradient, step)
         for i in range(UNKNOWNS):
+            # A longer step leaves what the linear model and the band are good for.
             values[i] += min(max(step[i], -5.0), 5.0)
     return math.sqrt(squares / max(weights, 1e-9))
 

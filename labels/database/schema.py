@@ -182,6 +182,7 @@ def check_schema(db: sqlite3.Connection, path: Path) -> None:
     if version > VERSION:
         expected = f"up to version {VERSION}"
         raise LabelError("labels of another version", expected=expected, got=version, where=path, remedy="update")
+    # What is too much counts as well: a trigger or a view would run with our statements.
     # A version that was never written is compared with the newest, and differs.
     ours = _our_entries(version if version in TABLES_OF_VERSION else VERSION)
     odd = sorted(str(name) for _, name, _, _ in entries ^ ours)
@@ -221,7 +222,8 @@ def _one_moment(db: sqlite3.Connection) -> Iterator[None]:
     try:
         yield
     finally:
-        db.execute("COMMIT")
+        if db.in_transaction:  # SQLite ends it itself at a damaged page
+            db.execute("COMMIT")
 
 
 def _entries(db: sqlite3.Connection) -> set[Entry]:

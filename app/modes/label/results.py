@@ -142,7 +142,7 @@ class LabelResults:
             if chosen == STORE:
                 self._made = copy_label_store(folder, layer.recording_uuid, path)
                 return (path,)
-            labels, contacts = _said_in(folder, layer)
+            labels, contacts = _stored_in(folder, layer)
             request = LabelFilesRequest(
                 format=chosen,
                 recording_uuid=layer.recording_uuid,
@@ -173,7 +173,7 @@ class LabelResults:
             self._host.services.exporter.cancel()
 
 
-def _said_in(folder: Path, layer: Layer) -> tuple[tuple[Label, ...], tuple[ContactLabel, ...]]:
+def _stored_in(folder: Path, layer: Layer) -> tuple[tuple[Label, ...], tuple[ContactLabel, ...]]:
     """Labels and contacts of a layer; none if nobody has begun it."""
     if not has_labels(folder, layer):
         return (), ()

@@ -65,9 +65,3 @@ def size_reason(size: int, config: ClusterConfig) -> Reason | None:
         text = f"{size} events > {config.size_max}"
         return Reason("events of the cluster", "cluster.size_max", size, config.size_max, sentence=text)
     return None
-
-
-def reject_size(size: int, config: ClusterConfig) -> str | None:
-    """Text of why a cluster of this many events is rejected, or None."""
-    reason = size_reason(size, config)
-    return reason and reason.text

@@ -64,8 +64,3 @@ def shape_reasons(shape: Shape, config: GeometryConfig) -> tuple[Reason, ...]:
         for name, setting_name, value, least in measured
         if value < least
     )
-
-
-def reject_shape(shape: Shape, config: GeometryConfig) -> str | None:
-    """Text of why this shape is rejected first, or None."""
-    return next((reason.text for reason in shape_reasons(shape, config)), None)

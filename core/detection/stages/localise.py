@@ -64,9 +64,3 @@ def circle_reason(circle: Circle, config: LocaliseConfig) -> Reason | None:
     if r > high + TOLERANCE_PX:
         return Reason("radius", "localise.radius_max_px", r, high, "px", sentence=f"radius {r:.1f} px > {high:.1f}")
     return None
-
-
-def reject_circle(circle: Circle, config: LocaliseConfig) -> str | None:
-    """Text of why this circle is rejected, or None."""
-    reason = circle_reason(circle, config)
-    return reason and reason.text

@@ -25,13 +25,8 @@ class Letterbox:
     """Border of the input; so `top_px`."""
     top_px: int
 
-    def to_input(self, u_px: float, v_px: float, r_px: float) -> tuple[float, float, float]:
-        """A circle of the picture (the middle of its first pixel is 0) in the input."""
-        x, y = (u_px + 0.5) * self.scale + self.left_px, (v_px + 0.5) * self.scale + self.top_px
-        return x, y, r_px * self.scale
-
     def to_picture(self, x_px: float, y_px: float, r_px: float) -> tuple[float, float, float]:
-        """Inverse of `to_input`: coordinates in the picture."""
+        """A circle of the input in the picture, where the middle of the first pixel is 0."""
         u, v = (x_px - self.left_px) / self.scale - 0.5, (y_px - self.top_px) / self.scale - 0.5
         return u, v, r_px / self.scale
 

@@ -10,7 +10,7 @@ of the target box is 298 mm off on the average.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -43,7 +43,14 @@ NET_PASSED_M = -1e-6
 def transition_of(
     batch: ServeBatch, action: Array, outcome: Outcomes, reward: float
 ) -> dict[str, NDArray[np.floating]]:
-    """The replay row of one played ball (arrays of one row)."""
+    """The replay row of one played ball (arrays of one row).
+
+    Args:
+        batch: one ball.
+        action: (A,) in [-1, 1].
+        outcome: of that ball.
+        reward: of the episode.
+    """
     missed = outcome.case[0] == Case.MISSED
     return {
         "state": batch.states[0],
@@ -93,7 +100,23 @@ def episode_line(
     kept: ReplayStart | None,
     losses: Losses,
 ) -> dict[str, object]:
-    """Line about one episode; `kept` only at the start of a stage."""
+    """Line about one episode; `kept` only at the start of a stage.
+
+    Args:
+        episode: number in the run.
+        stage: number of the speed.
+        stage_episode: number at this speed.
+        batch: the one ball.
+        action: (A,) in [-1, 1].
+        noise: standard deviation of the exploration.
+        is_random: whether the action was drawn uniformly.
+        outcome: of the ball.
+        reward: of the episode.
+        weights: of the reward's two terms.
+        buffer: transitions in the replay buffer.
+        kept: what the replay buffer began the stage with; None inside of a stage.
+        losses: of critic and actor.
+    """
     line: dict[str, object] = {
         "episode": episode,
         "stage": stage,
@@ -135,7 +158,6 @@ def _plains(values: Array) -> list[float | None]:
     return [_plain(value) for value in values.tolist()]
 
 
-BEST = 5
 """Number of best evaluations by which the paper shows each method."""
 MISSED_MM: Final = 1000 * TABLE_LENGTH_M
 """Error of a ball that the racket missed (choice): the table's length."""
@@ -232,12 +254,6 @@ def score_played(
         returned[i], errors_mm[i] = outcome.returned[0], landing_errors_mm(outcome, ball.goals_m)[0]
         progress((i + 1) / len(balls))
     return PolicyScore(balls.speed_mps, returned, errors_mm)
-
-
-def five_best_mm(errors_mm: Sequence[float]) -> float:
-    """Mean of the five lowest of a run's evaluations: the paper's figure, and too kind (it looks at the answers)."""
-    found = sorted(error for error in errors_mm if np.isfinite(error))[:BEST]
-    return float(np.mean(found)) if found else float("nan")
 
 
 COARSE, FINE, ROUNDS = 15, 7, 5

@@ -20,6 +20,7 @@ from core.jobs.control import one_torch_thread
 from core.learning.agents.policy import Policy, save_policy
 from core.learning.config import RunConfig
 from core.learning.evaluation.policy_evaluator import PolicyEvaluator
+from core.learning.registered_agents import AGENTS
 from core.learning.runs.run_files import (
     Control,
     RunStatus,
@@ -84,14 +85,14 @@ class SeedProcess:
         Raises:
             ConfigError: if the run cannot be written.
         """
-        ours = self._config.agent in ("ddpg", "landing-model")
+        itself = AGENTS[self._config.agent].trains_itself
         try:
-            return self._train_own(seed) if ours else self._train_sb3(seed)
+            return self._train_sb3(seed) if itself else self._train_own(seed)
         except OSError as error:
             raise run_not_written(self._run, error) from error
 
     def _train_own(self, seed: int) -> bool:
-        """Train our agent; whether it finished, rather than being stopped."""
+        """Train an agent in our loop; whether it finished, rather than being stopped."""
         files = seed_files(self._run, seed)
         training = resume(files, self._config, seed, self._backend)
         with SeedWriter(files) as writer:
@@ -374,6 +375,7 @@ def run_training(
     with hold_run(run), one_torch_thread():
         teller = StatusWriter(run, config)
         try:
+            # A pause or stop of the last time would end this one at once.
             if read_control(run).command != "run":
                 write_control(run, replace(read_control(run), command="run"))
             if alone:

@@ -89,6 +89,7 @@ def make_table_source(
     known = [] if seen is None else [seen]
 
     def look() -> Survey:
+        # A pass over the whole file: once, and only when something is to be inferred.
         if not known:
             known.append(survey(rows(DecodeReport())))
         return known[0]

@@ -16,7 +16,7 @@ from core.physics.fit_flights import (
     first_guess,
     fit_physics,
     fit_start,
-    read_flight,
+    read_flight_file,
     simulate_flight,
     with_constants,
 )
@@ -140,7 +140,7 @@ def test_foreign_flights_are_turned_into_the_world_frame(tmp_path) -> None:
     rows = "\n".join(f"{10 + k / 180},{0.1},{-1.0 + 0.02 * k},{0.3}" for k in range(20))
     path = tmp_path / "one.csv"
     path.write_text(f"Timestamp,X,Y,Z\n{rows}\n")
-    flight = read_flight(path)
+    flight = read_flight_file(path)[0]
     assert flight.t_s[0] == 0 and flight.name == "one"
     np.testing.assert_allclose(flight.ps_m[0], [1.0, 0.1, 0.3])  # along y before, so along x, turned to fly to -x
     assert flight.ps_m[-1, 0] < flight.ps_m[0, 0]
@@ -150,13 +150,13 @@ def test_a_flight_in_our_world_frame_is_taken_as_it_is_and_twelve_points_are_eno
     rows = [f"{3 + k / 100},{0.5 + 0.02 * k},-0.1,0.3" for k in range(12)]
     path = tmp_path / "ours.csv"
     path.write_text("t_s,x_m,y_m,z_m\n" + "\n".join(rows))
-    flight = read_flight(path)
+    flight = read_flight_file(path)[0]
     np.testing.assert_allclose(flight.t_s, np.arange(12) / 100)
     np.testing.assert_allclose(flight.ps_m[:, 0], 0.5 + 0.02 * np.arange(12))
     np.testing.assert_allclose(flight.ps_m[:, 1:], np.tile([-0.1, 0.3], (12, 1)))
     path.write_text("t_s,x_m,y_m,z_m\n" + "\n".join(rows[:11]))
     with pytest.raises(RallyscopeError, match="too short"):
-        read_flight(path)
+        read_flight_file(path)[0]
 
 
 @pytest.mark.parametrize(
@@ -167,11 +167,13 @@ def test_what_is_no_flight_is_refused(text: str, tmp_path) -> None:
     path = tmp_path / "bad.csv"
     path.write_text(text)
     with pytest.raises(RallyscopeError, match=r"bad\.csv"):
-        read_flight(path)
+        read_flight_file(path)[0]
 
 
 def test_the_profile_real_explains_recorded_flights_better_than_the_textbook(shared_data: Path) -> None:
-    recorded = [read_flight(path) for path in sorted((shared_data / "trajectories" / "tt3d").glob("*.csv"))[:16]]
+    recorded = [
+        read_flight_file(path)[0] for path in sorted((shared_data / "trajectories" / "tt3d").glob("*.csv"))[:16]
+    ]
 
     def median_mm(physics: PhysicsConfig) -> float:
         off = []

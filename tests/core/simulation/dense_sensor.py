@@ -16,7 +16,6 @@ from scipy.stats import ks_2samp
 from core.cameras import Camera
 from core.events import Events
 from core.simulation.bodies.parts import MovingBodies
-from core.simulation.bodies.view import BodyPicture
 from core.simulation.flights import BallPath
 from core.simulation.scenes.background import make_background
 from core.simulation.scenes.ball_view import ball_shading_rows
@@ -24,6 +23,7 @@ from core.simulation.scenes.block_view import flicker_log_light
 from core.simulation.scenes.racket_view import RACKET_COLUMNS, RacketPath, racket_shading_rows
 from core.simulation.scenes.scene import SceneConfig
 from core.simulation.sensor.sensor import OFF_THRESHOLD, ON_THRESHOLD, SensorConfig, make_pixels
+from tests.core.simulation.body_picture import BodyPicture
 
 DENSE_STEP_US: Final = 20
 NO_RACKET: Final = (0.0,) * RACKET_COLUMNS

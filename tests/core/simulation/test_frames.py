@@ -11,7 +11,6 @@ from core.events import SensorSize
 from core.simulation import LaunchConfig, SceneConfig, draw_serve_series, pixel_truth
 from core.simulation.bodies import MovingBodies, make_actors
 from core.simulation.bodies.parts import REFLECTANCE, blade, rod
-from core.simulation.bodies.view import BodyPicture
 from core.simulation.flights import BallPath, ParabolicPath, VisibleRange
 from core.simulation.frames import (
     MIN_INSTANTS,
@@ -27,6 +26,7 @@ from core.simulation.scenes.ball_view import ball_shading_rows
 from core.simulation.scenes.block_view import view_numbers
 from core.simulation.scenes.racket_view import RACKET_COLUMNS, RacketPath, RacketPoses, racket_shading_rows
 from core.simulation.scenes.shading import Moving
+from tests.core.simulation.body_picture import BodyPicture
 from tests.dense_picture import render_light
 
 pytestmark = pytest.mark.numeric

@@ -6,12 +6,10 @@ import pytest
 from core.cameras import ball_circles, stereo_preset
 from labels.arrays import LabelArrays, label_arrays
 from labels.assist import (
-    Snap,
     check_labels,
     curve_of_flight,
     fit_flight,
     interpolate,
-    label_from_snap,
     labels_from_curve,
 )
 from labels.model import Label, LabelState, PositionSource
@@ -32,14 +30,6 @@ def labels_of(name: str, t_us: np.ndarray) -> LabelArrays:
         Label(t_us=int(t), state=LabelState.VISIBLE, x_px=float(u), y_px=float(v), r_px=float(r))
         for t, u, v, r in zip(t_us, circles.u_px, circles.v_px, circles.r_px, strict=True)
     )
-
-
-def test_a_snap_becomes_a_label_that_says_so() -> None:
-    snap = Snap(5000, 10.5, 20.5, 7.0, 1.0, 0.0, (0.01, 0.0, 0.02), 0.4, 120, True)
-    label = label_from_snap(snap, window_us=(4000, 6000), rendering="count", time_spent_ms=800)
-    assert (label.t_us, label.x_px, label.y_px, label.r_px) == (5000, 10.5, 20.5, 7.0)
-    assert label.covariance_px2 == (0.01, 0.0, 0.02)
-    assert (label.provenance.source, label.provenance.window_us) == (PositionSource.SNAPPED, (4000, 6000))
 
 
 def test_an_interpolation_becomes_labels_only_where_it_is_covered() -> None:

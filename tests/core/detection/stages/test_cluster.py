@@ -1,6 +1,6 @@
 import numpy as np
 
-from core.detection.stages.cluster import ClusterConfig, cluster_labels, reject_size
+from core.detection.stages.cluster import ClusterConfig, cluster_labels, size_reason
 from core.events import Events, SensorSize
 
 SENSOR = SensorSize(200, 100)
@@ -46,6 +46,7 @@ def test_no_events_have_no_labels() -> None:
 
 def test_a_size_out_of_range_is_rejected_with_the_numbers() -> None:
     config = ClusterConfig(size_min=40, size_max=100)
-    assert reject_size(39, config) == "39 events < 40"
-    assert reject_size(101, config) == "101 events > 100"
-    assert reject_size(40, config) is None and reject_size(100, config) is None
+    few, many = size_reason(39, config), size_reason(101, config)
+    assert few is not None and few.text == "39 events < 40"
+    assert many is not None and many.text == "101 events > 100"
+    assert size_reason(40, config) is None and size_reason(100, config) is None

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from core.detection.stages.geometry import GeometryConfig, Shape, measure_shape, reject_shape
+from core.detection.stages.geometry import GeometryConfig, Shape, measure_shape, shape_reasons
 
 
 def filled(inside) -> np.ndarray:
@@ -45,8 +45,9 @@ def test_neither_order_nor_place_matter() -> None:
     assert moved.circularity == pytest.approx(shape.circularity, abs=1e-12) and moved.solidity == shape.solidity
 
 
-def test_the_reason_names_the_first_threshold_that_fails_with_both_numbers() -> None:
+def test_the_reason_names_every_threshold_that_fails_with_both_numbers() -> None:
     config = GeometryConfig(circularity_min=0.75, solidity_min=0.5)
-    assert reject_shape(Shape(np.zeros((0, 2)), 0.62, 0.1), config) == "circularity 0.62 < 0.75"
-    assert reject_shape(Shape(np.zeros((0, 2)), 0.80, 0.1), config) == "solidity 0.10 < 0.50"
-    assert reject_shape(Shape(np.zeros((0, 2)), 0.75, 0.5), config) is None
+    both = shape_reasons(Shape(np.zeros((0, 2)), 0.62, 0.1), config)
+    assert [one.text for one in both] == ["circularity 0.62 < 0.75", "solidity 0.10 < 0.50"]
+    assert [one.text for one in shape_reasons(Shape(np.zeros((0, 2)), 0.80, 0.1), config)] == ["solidity 0.10 < 0.50"]
+    assert not shape_reasons(Shape(np.zeros((0, 2)), 0.75, 0.5), config)

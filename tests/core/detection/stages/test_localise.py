@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from core.detection.stages.localise import Circle, LocaliseConfig, enclosing_circle, reject_circle
+from core.detection.stages.localise import Circle, LocaliseConfig, circle_reason, enclosing_circle
 
 
 @pytest.mark.parametrize(
@@ -32,6 +32,7 @@ def test_every_point_lies_inside_and_at_least_two_on_the_circle() -> None:
 
 def test_a_radius_at_its_limit_passes_and_beyond_it_is_rejected_with_the_numbers() -> None:
     config = LocaliseConfig(radius_min_px=4.0, radius_max_px=24.0)
-    assert reject_circle(Circle(0, 0, 4.0), config) is None and reject_circle(Circle(0, 0, 24.0002), config) is None
-    assert reject_circle(Circle(0, 0, 3.9), config) == "radius 3.9 px < 4.0"
-    assert reject_circle(Circle(0, 0, 24.2), config) == "radius 24.2 px > 24.0"
+    assert circle_reason(Circle(0, 0, 4.0), config) is None and circle_reason(Circle(0, 0, 24.0002), config) is None
+    small, large = circle_reason(Circle(0, 0, 3.9), config), circle_reason(Circle(0, 0, 24.2), config)
+    assert small is not None and small.text == "radius 3.9 px < 4.0"
+    assert large is not None and large.text == "radius 24.2 px > 24.0"

@@ -9,9 +9,9 @@ from core.errors import RecordingError
 def test_a_pixel_of_the_picture_comes_back_from_the_input(size: tuple[int, int]) -> None:
     whole, place = letterbox(np.zeros((*size, 3), np.uint8), 640, 384)
     assert whole.shape == (384, 640, 3) and 0 < place.scale <= 1
-    for circle in ((0.0, 0.0, 3.0), (size[1] - 1.0, size[0] - 1.0, 9.0), (17.25, 4.5, 6.5)):
-        there = place.to_input(*circle)
-        assert place.to_picture(*there) == pytest.approx(circle)
+    for u, v, r in ((0.0, 0.0, 3.0), (size[1] - 1.0, size[0] - 1.0, 9.0), (17.25, 4.5, 6.5)):
+        x, y = (u + 0.5) * place.scale + place.left_px, (v + 0.5) * place.scale + place.top_px
+        assert place.to_picture(x, y, r * place.scale) == pytest.approx((u, v, r))
 
 
 def test_a_bright_pixel_lies_where_the_letterbox_says() -> None:
@@ -19,7 +19,7 @@ def test_a_bright_pixel_lies_where_the_letterbox_says() -> None:
     image[200:202, 600:602] = 255
     whole, place = letterbox(image, 640, 384)
     row, column = np.argwhere((whole == 255).all(axis=2))[0]
-    assert (column + 0.5, row + 0.5) == place.to_input(600.5, 200.5, 1.0)[:2]
+    assert place.to_picture(column + 0.5, row + 0.5, 1.0)[:2] == (600.5, 200.5)
     assert place.scale == 0.5 and (whole[:12] == GREY).all() and (whole[-12:] == GREY).all()
 
 

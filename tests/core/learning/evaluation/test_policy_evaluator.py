@@ -10,7 +10,6 @@ from core.learning.config import EnvironmentConfig
 from core.learning.evaluation.policy_evaluator import (
     PolicyEvaluator,
     PolicyScore,
-    five_best_mm,
     oracle_actions,
     score_trivial_policies,
 )
@@ -81,11 +80,6 @@ def test_where_every_ball_is_missed_there_is_no_error_of_returned_balls() -> Non
     assert row["error_mm"] == {"mean": 2740.0, "std": 0.0, "median": 2740.0, "p95": 2740.0}
     assert row["seeds_error_mm"] == {"mean": 2740.0, "std": None, "interval95": [None, None]}
     assert row["seeds_returned"] == {"mean": 0.0, "std": None, "interval95": [None, None]} and row["missed"] == 1.0
-
-
-def test_five_best_takes_the_lowest_five() -> None:
-    assert five_best_mm([9, 1, 2, 3, 4, 5, math.nan]) == 3
-    assert math.isnan(five_best_mm([math.nan]))
 
 
 def test_the_interval_of_a_mean_is_student_s() -> None:
