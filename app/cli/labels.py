@@ -272,7 +272,9 @@ def run_agree(arguments: LabelAgreeArguments) -> None:
     if copied:
         notes.append(f"{copied} labels name another annotator: taken over, so no agreement of two people")
     as_json = {"first": mine, "second": name, "blind": blind, "left_out": lost, "copied": copied}
-    as_json |= {"settled_us": settled_us.tolist(), **asdict(found), "contacts": asdict(contacts)}
+    as_json |= {"settled_us": settled_us.tolist(), **asdict(found)}
+    if contacts.common + contacts.only_first + contacts.only_second:
+        as_json["contacts"] = asdict(contacts)
     arguments.layer.tell(as_json, [counts, *notes, *_agreement_lines(found, lost), *_contact_lines(contacts)])
 
 
