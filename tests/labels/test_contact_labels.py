@@ -170,4 +170,5 @@ def test_contacts_of_the_truth_are_where_the_path_turns() -> None:
     truth = BallTruth(t_us, np.array(p), np.array(v), np.zeros((len(p), 3)), np.ones(len(p), np.bool_))
     found = [(one.t_us, one.kind) for one in contacts_of_truth(truth)]
     assert found == [(10_123, BOUNCE), (200_000, NET), (400_700, HIT)]
-    assert contacts_of_truth(BallTruth(t_us[:0], *(np.zeros((0, 3)),) * 3, np.zeros(0, np.bool_))) == ()
+    none = np.zeros((0, 3))
+    assert contacts_of_truth(BallTruth(t_us[:0], none, none, none, np.zeros(0, np.bool_))) == ()

@@ -67,7 +67,7 @@ def test_every_bounce_and_hit_of_a_rally_is_proposed_within_a_third_of_a_millise
     assert scores[0].time.median_us < 300
     assert all(contact.sigma_us and contact.provenance.detector == "trial#1" for contact in found)
     off = [abs(one.t_us - other.t_us) / (one.sigma_us or 1) for one, other in zip(found, real, strict=True)]
-    assert np.median(off) < 2, "the stated uncertainty is that of the times"
+    assert np.median(off) < 1.5 and max(one.sigma_us or 0 for one in found) < 1000, "errors are as large as stated"
 
 
 def test_a_flight_without_a_contact_has_none(rally: FlightSeries) -> None:
