@@ -121,6 +121,7 @@ class App:
         self._server.on_client_disconnect(self._disconnect)
         self._loop = threading.Thread(target=self._run, name="rallyscope-loop", daemon=True)
         self._loop.start()
+        # After the loop has begun: whoever connects meanwhile sees how far it is.
         self._pool.submit(self._prepare)
         self._pool.submit(clear_unfinished, workspace.recordings)
 

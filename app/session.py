@@ -34,7 +34,7 @@ from app.panels.recording_info import RecordingInfo, gather_info
 from app.panels.time_bar import Runs, TimeBar, Tracks, moments_of, opening_us, same_moments, tracks_of
 from app.scene.world import World
 from app.shared.source_notifications import SourceNotifications
-from app.startup.example_rally import ExampleRally
+from app.startup.example_rally import AFTER_S, ExampleRally
 from app.startup.panel import AwaitedRecording, PreparationPanel
 from app.startup.startup import Preparation
 from app.state.client_state import MODES, ClientState, ModeName, Playhead
@@ -111,7 +111,9 @@ class Session:
         self.page = SessionPage(visit, pages, services.browsers, pool, self)
         self.plane = ImageView(client, self._clicked)
         self.world = World(client, lambda: self.plane.aspect)
-        self._example = ExampleRally(self.world.draw)
+        self._preparation = preparation
+        is_first = preparation is not None and preparation.is_first
+        self._example = ExampleRally(self.world.draw, after_s=0.0 if is_first else AFTER_S)
         self._interface = ControlPanel(client.gui, self.send, self._send_key, self)
         with self._interface.modes_folder:
             self._modes: dict[ModeName, Mode] = {name: FACTORIES[name](self) for name in MODES}
@@ -223,13 +225,8 @@ class Session:
         if (arrived := self._awaited.tick()) is not None:
             self._openings.submit(arrived)
         if self._state is None or self._recording is None:
-            if self._awaited.waiting:  # an empty table before the first ball
-                self.plane.set_visible(False)
-                self.world.show(True)
-                if self._awaited.is_preparing:
-                    self._example.tick(wall_s, STILLS_EVERY_S if self._pace.by_software else 0.0)
-                self.world.billboard_wxyz()
-                self._reveal()
+            if self._awaited.waiting:
+                self._show_before_the_first(wall_s)
             return
         if isinstance(self._recording, RingRecording):
             self._grow(self._recording, wall_s)
@@ -262,6 +259,17 @@ class Session:
             self._request_picture(self._state, self._recording, now_us, wall_s)
         mode.tick(self._state, now_us, wall_s)
         self.plane.show_staleness(wall_s, moving=self._state.playhead.playing)
+        self.world.billboard_wxyz()
+        self._reveal()
+
+    def _show_before_the_first(self, wall_s: float) -> None:
+        """An empty table, and a recorded rally over it while something is compiled."""
+        self.plane.set_visible(False)
+        self.world.show(True)
+        if self._awaited.is_preparing:
+            self._example.tick(wall_s, STILLS_EVERY_S if self._pace.by_software else 0.0)
+            if self._preparation is not None and self._example.is_shown:
+                self._preparation.picture_is_shown.set()
         self.world.billboard_wxyz()
         self._reveal()
 
@@ -425,6 +433,7 @@ class Session:
         self._recording, self.knows_ball = recording, knows_ball(recording)
         cameras = tuple(recording.cameras)
         opens_us = opening_us(recording)
+        # A flight takes half a second: slowed down so that it can be followed.
         playhead = Playhead(recording.duration_us, anchor_us=opens_us, speed=0.25 if is_stereo(recording) else 0.05)
         if isinstance(recording, RingRecording):
             self._live_uuid = recording.uuid
@@ -450,6 +459,7 @@ class Session:
         self.tracks = tracks_of(recording, info)
         for mode in self._modes.values():
             mode.use_recording(recording)
+        # Last: what a link says counts more than what a recording opens with.
         self._state = self.page.follow_link(self._state)
         if self._autoplay and not playhead.live:
             self._autoplay = False

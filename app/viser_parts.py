@@ -6,6 +6,7 @@ lacks something.
 
 from __future__ import annotations
 
+import asyncio
 import importlib
 from importlib.metadata import version
 from pathlib import Path
@@ -20,6 +21,7 @@ TESTED: Final = "1.1.1"
 """Version of viser that the tests run with, as in constraints.txt."""
 PARTS: Final = (
     ("viser", "infra.WebsockClientConnection"),
+    ("viser.infra._async_message_buffer", "AsyncMessageBuffer.push"),
     ("viser._gui_api", "svg_from_icon"),
     ("viser._gui_handles", "svg_from_icon"),
     ("viser._icons", "ICONS_DIR"),
@@ -82,6 +84,35 @@ def websocket_server(server: viser.ViserServer) -> Any:
     if found is None:
         raise moved_part("viser.ViserServer._websock_server")
     return found
+
+
+class CrossThreadEvent(asyncio.Event):
+    """An event that another thread may set, too: who waits is woken by the event loop only.
+
+    viser sets the plain one from every thread that sends a message, and then once more in the event loop. The first
+    raised an error where a waiter came or went meanwhile, and what the thread was about to do was left undone.
+    """
+
+    def set(self) -> None:
+        """Set it; in the event loop, also wake who waits, even if it is set already."""
+        self._value = True
+        if asyncio._get_running_loop() is None:
+            return
+        for waiter in tuple(self._waiters):  # type: ignore[attr-defined]
+            if not waiter.done():
+                waiter.set_result(True)
+
+
+def allow_threads(connection: Any) -> None:
+    """Let any thread send messages over viser's server or one of its connections; before there is a waiter.
+
+    Raises:
+        PackageError: if its buffer is not where it was.
+    """
+    buffer: Any = connection.get_message_buffer() if hasattr(connection, "get_message_buffer") else None
+    if not isinstance(getattr(buffer, "message_event", None), asyncio.Event):
+        raise moved_part("AsyncMessageBuffer.message_event")
+    buffer.message_event = CrossThreadEvent()
 
 
 def moved_part(name: str) -> PackageError:

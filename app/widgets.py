@@ -107,6 +107,7 @@ def plot_axis(unit: str) -> uplot.Axis:
 def when_changed(handle: viser.GuiInputHandle, act: Callable[[object], None]) -> None:
     """Call `act(value)` for changes that a person made, in their order, and not for those that we made."""
 
+    # Coroutines run in viser's loop, one after the other; plain functions in a pool, in any order.
     @handle.on_update
     async def _(event: viser.GuiEvent) -> None:
         if event.client is not None:

@@ -67,8 +67,6 @@ class FieldSpec:
 def setting(default: float, low: float, high: float, *, step: float | None = None, stage: str = "") -> typing.Any:
     """A numeric config field with `low <= value <= high`; `check_settings` enforces it, sliders use it.
 
-    `stage` puts its slider under a heading of its own: the fields of a stage stand together.
-
     Args:
         default: value of the field; a whole number makes a field of whole numbers.
         low: smallest value.

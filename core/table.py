@@ -15,11 +15,13 @@ TABLE_HEIGHT_M: Final = 0.76
 """Top surface above the floor: the floor is at z = -TABLE_HEIGHT_M."""
 LINE_WIDTH_M: Final = 0.02
 CENTRE_LINE_WIDTH_M: Final = 0.003
+"""White lines along the edges, and of doubles in the middle. Sizes of table, net and ball: ITTF laws 2.1 to 2.3."""
 NET_HEIGHT_M: Final = 0.1525
 NET_OVERHANG_M: Final = 0.1525
 """How far the net stands out beyond each side line."""
 BALL_RADIUS_M: Final = 0.020
 BALL_MASS_KG: Final = 0.0027
+"""A ball of 40 mm and 2.7 g."""
 GRAVITY_MPS2: Final = 9.81
 AIR_KG_PER_M3: Final = 1.204
 """Dry air at 20 degrees Celsius and sea level."""

@@ -18,6 +18,7 @@ from labels.model import PositionSource
 
 Array = NDArray[np.float64]
 RESAMPLES = 1000
+"""Resamples of the bootstrap."""
 SAME_PX: Final = 1e-6
 """Two positions nearer than this are one number that was taken twice."""
 _GROUPS: Final[Mapping[str, tuple[PositionSource, ...]]] = {

@@ -158,8 +158,10 @@ def _add_argument(parser: argparse._ActionsContainer, item: dataclasses.Field[An
     default = options.get("default")
     if default is not None:
         options["help"] += f" (default: {default:g})" if isinstance(default, float) else f" (default: {default})"
+    # argparse formats its help with %.
     options["help"] = options["help"].replace("%", "%%")
     if optional:
+        # None must stay distinguishable from the default: it means that the flag was not given.
         options.pop("default", None)
     if kind is bool:
         options["action"] = argparse.BooleanOptionalAction if optional else "store_true"

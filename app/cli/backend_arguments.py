@@ -13,10 +13,10 @@ from core.jobs import JobBackend
 class BackendArguments:
     """Flags of a verb whose tasks are sent to workers and whose results come back."""
 
-    TITLE: ClassVar = "where it is done; the results do not depend on it"
-    jobs: PositiveInt | None = flag("pieces worked on at a time on this machine", "N", "one per core")
+    TITLE: ClassVar = "parallel work, with the same results anywhere"
+    jobs: PositiveInt | None = flag("parallel jobs on this machine", "N", "one per core")
     cluster: str | None = flag(
-        "instead on the workers of a Dask cluster, at its scheduler's address; beyond this machine tls://",
+        "scheduler of a Dask cluster that runs the jobs instead; on another machine tls://",
         "tcp://HOST:PORT",
     )
 
@@ -34,6 +34,6 @@ class SharedBackendArguments(BackendArguments):
     """Flags of a verb whose workers open and write the files themselves."""
 
     TITLE: ClassVar = (
-        "where it is done; the results do not depend on it; the machines of a cluster must share the folders of all "
+        "parallel work, with the same results anywhere; the machines of a cluster must share the folders of all "
         "files that are read or written, under the same paths"
     )

@@ -109,6 +109,7 @@ def _find_views(arguments: IntrinsicsArguments, board: Board) -> tuple[list[Boar
     with progress_bar("Looking for the board") as progress:
         for picture in pictures:
             size = SensorSize(picture.grey.shape[1], picture.grey.shape[0])
+            # A calibration is for one picture size.
             if sensor is not None and size != sensor:
                 raise CalibrationError("pictures of several sizes", expected=sensor, got=size, where=picture.name)
             sensor = size

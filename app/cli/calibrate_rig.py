@@ -78,6 +78,7 @@ class RigArguments:
 def run(arguments: RigArguments) -> None:
     """Collect the points, calibrate, write, and say how good it is."""
     check_destinations(arguments.out, arguments.report, (".toml",))
+    # Boards are photographed at rest, which says nothing about clocks.
     still = arguments.same_clock or arguments.boards is not None
     config = RigConfig(
         max_offset_ms=0.0 if still else arguments.max_offset_ms,
@@ -114,6 +115,7 @@ def _body(arguments: RigArguments) -> tuple[NDArray[np.float64], Scale | None]:
         return _board(arguments).points_m, None
     if arguments.wand is not None:
         places = np.array(arguments.wand)
+        # Longer than 100 m are millimetres.
         if len(places) < 2 or np.unique(places).size < len(places) or np.ptp(places) > 100:
             raise CommandError("no wand", expected="2 or more places in metres", got=arguments.wand, where="--wand")
         return np.outer(places, [1.0, 0.0, 0.0]), None

@@ -26,8 +26,8 @@ def given_constants(
         return None
     if physics == "paper":
         remedy = "leave --physics out, or say real"
-        raise CommandError("the physics `paper` has constants of its own", where="--constants", remedy=remedy)
+        raise CommandError("the physics `paper` has fixed constants", where="--constants", remedy=remedy)
     if prediction == "paper":
         remedy = "leave it out, or take the filter"
-        raise CommandError("the paper's prediction has constants of its own", where="--constants", remedy=remedy)
+        raise CommandError("the paper's prediction has fixed constants", where="--constants", remedy=remedy)
     return read_constants(path)

@@ -262,6 +262,7 @@ def _table(
     score = None
     if truth is not None:
         numbers = asdict(score_answers(answers, truth))
+        # nan is the only number that differs from itself, and JSON has none.
         score = {name: None if number != number else round(number, 4) for name, number in numbers.items()}
     summary: Summary = {
         "camera": camera,

@@ -60,7 +60,7 @@ class AnyMethodArguments:
     )
     config: Path | None = flag(CONFIG, "FILE")
     window_us: PositiveInt | None = flag("length of a window of events", "N", "the config's")
-    weights: Path | None = flag("of yolo, made by `train-detector`", "FILE", "those that come with the package")
+    weights: Path | None = flag("weights of yolo, made by `train-detector`", "FILE", "those that come with the package")
 
     @property
     def frame_method(self) -> str | None:

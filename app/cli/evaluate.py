@@ -36,7 +36,7 @@ class BallStatesArguments:
 
     TITLE: ClassVar = "balls of human play, against the built-in controller that knows all of them"
     ball_states: tuple[Path, ...] | None = flag("JSON of position, velocity and spin (no RUN then)", "FILE")
-    sample: PositiveInt | None = flag("so many of each file at random, not all", "N")
+    sample: PositiveInt | None = flag("random sample of N balls per file instead of all", "N")
     told_after_ms: float = setting_flag(SimulatedReturnsConfig, "told_after_ms", "MS")
     physics: Profile = flag("how balls fly and bounce", default="real")
     report: Path | None = flag("write a page with a picture (matplotlib draws it)", "FILE.md")
@@ -50,6 +50,7 @@ def run_ball_states(arguments: BallStatesArguments, paths: tuple[Path, ...], *, 
     config = SimulatedReturnsConfig(task=task_profile(arguments.physics), told_after_ms=arguments.told_after_ms)
     read = [read_ball_states(path) for path in paths]
     if arguments.sample is not None:
+        # Fixed: a sample of one size is the same balls every time.
         rng = np.random.default_rng(0)
         read = [balls[np.sort(rng.permutation(len(balls))[: arguments.sample])] for balls in read]
     files: list[PlayedFile] = []
@@ -104,7 +105,7 @@ def run(arguments: EvaluateArguments) -> None:
     elif folder is None and ball_states is not None:
         run_ball_states(arguments.recorded, ball_states, as_json=arguments.json)
     else:
-        raise CommandError("what is to be evaluated?", expected="a RUN, or --ball-states FILE, one of them")
+        raise CommandError("nothing to evaluate", expected="a RUN, or --ball-states FILE, one of them")
 
 
 def _evaluate(folder: Path, arguments: EvaluateArguments) -> None:

@@ -33,8 +33,8 @@ class CameraArguments:
 
     TITLE: ClassVar = "event cameras (--source camera:...)"
     calibration: Path | None = flag("calibration of the cameras, in the order of the serials", "FILE")
-    biases: Path | None = flag("biases to begin with, as saved in Watch", "FILE.toml")
-    sync_cable: bool = flag("a sync cable goes from the first camera to the others, which take its clock (EVK4)")
+    biases: Path | None = flag("biases to start with, as saved in Watch", "FILE.toml")
+    sync_cable: bool = flag("a sync cable runs from the first camera to the others: all use its clock (EVK4)")
 
 
 @dataclass(frozen=True, slots=True)

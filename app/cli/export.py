@@ -27,15 +27,15 @@ class ExportArguments:
 
     source: Path = positional("a recording, or the folder of a training run", "REC|RUN")
     to: tuple[str, Path] = one_of(FORMATS.view(lambda kind: (kind.what, "DIR" if kind.folder else "F")))
-    start_us: int | None = flag("from this time of the recording on", "N", "its start")
-    end_us: PositiveInt | None = flag("up to this time", "N", "its end")
+    start_us: int | None = flag("start time in the recording, us", "N", "its start")
+    end_us: PositiveInt | None = flag("end time in the recording, us", "N", "its end")
     stride_us: PositiveInt | None = flag("time between two pictures", "N", "4000; mp4: 10000")
     detector: MethodArguments
     annotator: str | None = flag("rrd: whose labels to show along", "NAME")
     seed: int | None = flag("onnx, and mp4 of a run: which seed", "N", "the run's first")
     best: bool = flag("onnx: the best policy instead of the last")
     data: Path = flag("workspace", "DIR", DATA)
-    force: bool = flag("replace what exists")
+    force: bool = flag("overwrite existing files")
     json: bool = flag("print what was made as JSON")
 
 

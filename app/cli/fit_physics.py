@@ -29,8 +29,8 @@ class FitPhysicsArguments:
     flights: tuple[Path, ...] = positional("CSV of t_s,x_m,y_m,z_m (world), or as tt3d writes it", "FLIGHTS")
     magnus: float = flag("Magnus coefficient, which flights do not fix", "CM", 0.10)
     samples: int = flag("bootstrap samples for the spread", "N", 20)
-    seed: int = flag("of the split into fit and test", "N", 0)
-    out: Path | None = flag("write the figures there (JSON), for `--constants` of other verbs", "FILE")
+    seed: int = flag("random seed of the split into fit and test", "N", 0)
+    out: Path | None = flag("write the constants as JSON, for `--constants` of other verbs", "FILE")
     json: bool = flag("print the figures as JSON")
 
 
@@ -54,6 +54,7 @@ def run(arguments: FitPhysicsArguments) -> None:
 
     read = [read_flight_file(path) for path in arguments.flights]
     flights = [flight for flight, _ in read]
+    # Drawn, not the last ones: flights that were recorded in a row are alike.
     order = np.random.default_rng(arguments.seed).permutation(len(flights))
     tests = max(1, round(TEST_SHARE * len(flights)))
     test, fit = ([flights[k] for k in part] for part in (order[:tests], order[tests:]))

@@ -22,7 +22,7 @@ Facts = dict[str, object]
 class InfoArguments:
     """Show what a recording, or an event file of any other format, holds."""
 
-    recording: Path = positional("a recording or an event file", "REC")
+    recording: Path = positional("recording or event file to show", "REC")
     json: bool = flag("print it as JSON")
 
 

@@ -93,7 +93,7 @@ class LabelExportArguments:
     format: str = flag(FORMAT_HELP, "|".join(FORMATS), choices=FORMATS)
     out: Path = flag("a folder; for hdf5 a file", "DIR")
     pictures: bool = flag("draw the events of each label as a PNG beside it")
-    window_us: PositiveInt = flag("of a picture", "N", 2000)
+    window_us: PositiveInt = flag("length of the window of a picture", "N", 2000)
     stride_us: PositiveInt | None = flag("time between the pictures of the clip", "N")
     unchecked: Literal["refuse", "drop"] = flag("tracknet: pictures without label", default="refuse")
     decimals: bool = flag("voc, tracknet: do not round to whole pixels")
@@ -251,6 +251,7 @@ def run_agree(arguments: LabelAgreeArguments) -> None:
     mine = first.layer.annotator
     name, blind = arguments.other or mine, arguments.other is None
     layer = Layer(first.layer.recording_uuid, first.layer.camera, name, blind)
+    # As they were before anybody looked at the other's: what was settled agrees by itself.
     second = LabelStore.read(arguments.layer.folder, layer)
     mine_first, theirs_first = first.independent(), second.independent()
     contacts = measure_contact_agreement(first.contacts(), second.contacts())
@@ -417,6 +418,7 @@ def run_shift(arguments: LabelShiftArguments) -> None:
         if arguments.apply:
             if not shift.found:
                 raise CommandError("no shift was found to apply", got=shift.reason)
+            # Under another name: what a person placed stays as it is.
             name = f"{store.layer.annotator}-shifted"
             moved = [one for label in store.all() if (one := _moved(label, shift)) is not None]
             tool = f"rallyscope {version('rallyscope')}"

@@ -116,6 +116,7 @@ def run_score(arguments: LabelScoreArguments) -> None:
         pieces = [_piece(arguments.layer(path), jobs.share_file(path)) for path in paths]
         answers = jobs.run(work, pieces, name=str, progress=progress)
     scores = [score_groups(found.own_time, piece.asked) for found, piece in zip(answers, pieces, strict=True)]
+    # All labels in one score: a mean of scores would give a short recording the weight of a long one.
     together, labels = pooled([(found.own_time, piece.asked) for found, piece in zip(answers, pieces, strict=True)])
     if arguments.picture is not None:
         title, noise_px = _title(work, pieces)

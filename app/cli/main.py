@@ -50,7 +50,7 @@ functions by the names of its sub-verbs in `ACTS`."""
 PRINTING_VERBS = ("info", "evaluate", "predict")
 PLUGIN_FLAG = "--plugin"
 PLUGIN_HELP = (
-    "a Python file, which is run: it adds detectors, readers, label formats, exporters or rewards; again for each file"
+    "Python file to run at the start; it adds detectors, readers, label formats, exporters or rewards; repeat for more"
 )
 
 

@@ -39,29 +39,32 @@ class PredictArguments:
     points: Path = positional(
         "columns t_s,x_m,y_m,z_m (world), what `track` writes, or as tt3d writes it", "POINTS.csv"
     )
-    observe_ms: float = flag("how much of the flight is seen", "MS", 150.0)
+    observe_ms: float = flag("predict from the first MS milliseconds of the flight", "MS", 150.0)
     method: Literal["paper", "filter"] = flag(
         "filter: every point, drag, spin; paper: five points, gravity, one reflection", default="filter"
     )
     physics: Profile | None = flag(
-        "how balls fly and bounce: as simulated after the paper, or as measured on real flights "
+        "physics of the flight: the paper's simulation, or measured on real flights "
         "(default: the filter finds out, the paper's method takes the paper's)"
     )
     constants: Path | None = flag(CONSTANTS_HELP, "FILE")
     hit_x: float = setting_flag(PaperPredictorConfig, "hit_x_m", "M")
-    out: Path = flag("where the prediction goes", "JSON")
+    out: Path = flag("file for the prediction", "JSON")
     json: bool = flag("print a summary as JSON")
 
 
 def run(arguments: PredictArguments) -> None:
     """Read, predict, write."""
     if not (math.isfinite(arguments.observe_ms) and arguments.observe_ms > 0):
-        raise CommandError("nothing would be seen", expected="above 0", got=arguments.observe_ms, where="--observe-ms")
+        raise CommandError(
+            "nothing to predict from", expected="above 0", got=arguments.observe_ms, where="--observe-ms"
+        )
     check_folder(arguments.out)
     constants = given_constants(arguments.constants, arguments.physics, arguments.method)
     paper = predictor_for(arguments.physics or "paper", hit_x_m=arguments.hit_x)
     points = read_points_file(arguments.points)
     t_s, ps_m = points.t_s, points.ps_m
+    # The contract of `predict`: later rows give only the times that are asked for.
     seen = t_s < t_s[0] + 1e-3 * arguments.observe_ms
     if arguments.method == "filter":
         config = filter_for(arguments.physics or "paper")
@@ -80,7 +83,7 @@ def run(arguments: PredictArguments) -> None:
             expected=needed,
             got=f"{int(seen.sum())} points over {1e3 * (t_s[seen][-1] - t_s[0]):.0f} ms",
             where=arguments.points,
-            remedy="see more with --observe-ms",
+            remedy="give a larger --observe-ms",
         )
     write_text(arguments.out, json.dumps(prediction_json(prediction, t_s[~seen])) + "\n")
     _say(arguments, prediction, int(seen.sum()), points)

@@ -34,18 +34,18 @@ SAY_S: Final = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordArguments:
-    """Record event cameras or a simulation until Ctrl-C, or a replay to its end. What Prophesee cameras send is written
-    as it comes, and becomes the recording when it is over.
+    """Record event cameras or a simulation until Ctrl-C, or a replay to its end. The raw data of
+    Prophesee cameras is written while they run, and is converted at the end.
     """
 
-    source: str | None = flag("what is recorded", "camera:SERIAL[,SERIAL...]|replay:FILE[@SPEED]|tcp://HOST:PORT")
-    out: Path | None = flag("the recording", "REC.h5")
-    seconds: PositiveFloat | None = flag("end after so long", "S", "at Ctrl-C")
-    list: bool = flag("list the cameras that are plugged in, and end")
+    source: str | None = flag("what to record", "camera:SERIAL[,SERIAL...]|replay:FILE[@SPEED]|tcp://HOST:PORT")
+    out: Path | None = flag("recording to write", "REC.h5")
+    seconds: PositiveFloat | None = flag("stop after S seconds", "S", "at Ctrl-C")
+    list: bool = flag("list the connected cameras and exit")
     cameras: CameraArguments
-    loop: bool = flag("go round a replayed file until Ctrl-C or --seconds, instead of recording it once")
-    keep_raw: bool = flag("keep the RAW files of the cameras, too")
-    force: bool = flag("replace what exists")
+    loop: bool = flag("repeat a replayed file until Ctrl-C or --seconds, instead of recording it once")
+    keep_raw: bool = flag("also keep the cameras' RAW files")
+    force: bool = flag("overwrite existing files")
     json: bool = flag("print what was made as JSON")
 
 
@@ -89,7 +89,7 @@ def _say_cameras(*, as_json: bool) -> None:
     if as_json:
         say(json.dumps({"cameras": rows}))
     else:
-        say(format_table(rows) if rows else "no event camera is plugged in")
+        say(format_table(rows) if rows else "no event camera is connected")
 
 
 def _all_evt3(order: CameraOrder) -> bool:
@@ -180,6 +180,7 @@ def _make_recording(
         say(f"what the cameras sent is kept; to try again: {again}", error=True)
         raise
     assert summary is not None
+    # Only now: until the recording is whole, the raw files are all there is.
     if not arguments.keep_raw:
         for path in [*paths, *tables]:
             path.unlink(missing_ok=True)

@@ -44,32 +44,36 @@ class ServeArguments:
     as if live.
     """
 
-    recording: Path | None = positional("a recording or an event file", "RECORDING")
+    recording: Path | None = positional("recording or event file to open", "RECORDING")
     source: str | None = flag(
-        "watch a live simulation: one of its own, or one that runs there; or what the cameras of a recording saw, "
-        "as if they saw it now, again and again, SPEED times as fast; or event cameras",
+        "live source: a simulation started for this app (live), one that runs elsewhere (tcp:), a recording that is "
+        "replayed in a loop as if live, SPEED times as fast (replay:), or event cameras (camera:)",
         "live|tcp://HOST:PORT|replay:FILE[@SPEED]|camera:SERIAL[,SERIAL...]",
         "live, without a recording",
     )
     cameras: CameraArguments
-    keys: Path | None = flag("for a source beyond this machine: a client's keys", "DIR")
-    robot: str | None = flag("a robot of your own that plays what cameras or a replay see", "tcp://HOST:PORT")
-    robot_keys: Path | None = flag("for a robot beyond this machine: a client's keys", "DIR")
+    keys: Path | None = flag("folder with the client's keys, for a source on another machine", "DIR")
+    robot: str | None = flag("your robot; it plays the balls that cameras or a replay see", "tcp://HOST:PORT")
+    robot_keys: Path | None = flag("folder with the client's keys, for a robot on another machine", "DIR")
     physics: Profile | None = flag(
-        "of a live simulation of its own; with --robot, the rubber that the built-in controller assumes",
+        "physics of the live simulation; with --robot, of the rubber that the built-in controller assumes",
         default="paper",
     )
     constants: Path | None = flag(f"{CONSTANTS_OF_BALL}: of the live simulation's ball, and of every filter", "FILE")
-    ball_states: tuple[Path, ...] | None = flag("it serves recorded balls (JSON), by default in `real`", "FILE")
+    ball_states: tuple[Path, ...] | None = flag(
+        "the live simulation serves these recorded balls (JSON); its physics is then `real`", "FILE"
+    )
     host: str = flag("address to listen on; the default is this machine only", default="127.0.0.1")
     port: int = flag("port to listen on", default=8080)
     token: str | None = flag(
-        "what browsers must know to come in",
+        "token that browsers need to connect",
         "TOKEN",
-        "random beyond this machine and with a robot or cameras, else none",
+        "random if other machines can connect, or with a robot or cameras; else none",
     )
-    data: Path = flag("workspace", default=DATA)
-    folder: tuple[Path, ...] | None = flag("browsers may open its files, too; can be given again", "DIR", repeated=True)
+    data: Path = flag("workspace folder: recordings, labels, runs, exports", default=DATA)
+    folder: tuple[Path, ...] | None = flag(
+        "offer the files of this folder, too; repeat it for more folders", "DIR", repeated=True
+    )
     config: Path | None = flag("detector settings to start with, a TOML file", "FILE")
     prediction: PredictionName = flag(
         "how hits are predicted: filter, every point; paper, its five points before and after the bounce",

@@ -34,22 +34,26 @@ class SimServerArguments:
     """Run the live simulation as its own process."""
 
     bind: str = flag(
-        "publish here and take commands on the next port; port 0 takes free ones",
+        "publish on this port and take commands on the next; port 0 picks free ones",
         "tcp://HOST:PORT",
         "tcp://127.0.0.1:5555",
     )
-    keys: Path | None = flag("only for those whose public keys are in it; needed beyond this machine", "DIR")
-    make_keys: Path | None = flag("make keys of a server and a client there, or of one more client; then end", "DIR")
-    cameras: str = flag("placement, or a calibration file", "PRESET|FILE", "side")
-    sensor: Sensor | None = flag("of a placement's cameras", "WxH", SENSOR_720)
+    keys: Path | None = flag(
+        "folder with the server's keys and its clients' public keys; required for other machines", "DIR"
+    )
+    make_keys: Path | None = flag(
+        "create keys for a server and a client in this folder, or for one more client, and exit", "DIR"
+    )
+    cameras: str = flag("camera placement, or a calibration file", "PRESET|FILE", "side")
+    sensor: Sensor | None = flag("sensor size of a placement's cameras", "WxH", SENSOR_720)
     scene: SceneArguments
     noise_hz: float = setting_flag(SensorConfig, "noise_hz", "HZ")
     physics: Profile | None = flag("flight of the ball", default="paper; real with --ball-states")
     constants: Path | None = flag(CONSTANTS_HELP, "FILE")
-    ball_states: tuple[Path, ...] | None = flag("serve recorded balls (JSON), not drawn ones", "FILE")
+    ball_states: tuple[Path, ...] | None = flag("serve these recorded balls (JSON) instead of random ones", "FILE")
     auto_serve: float = setting_flag(ServerConfig, "auto_serve_mps", "MPS")
-    until_eof: bool = flag("end when standard input ends, as a child process should")
-    seed: int = flag("of serves and events", "N", 0)
+    until_eof: bool = flag("exit when standard input ends (for use as a child process)")
+    seed: int = flag("random seed of serves and events", "N", 0)
 
 
 def run(arguments: SimServerArguments) -> None:
@@ -96,7 +100,7 @@ def _make_keys(folder: Path) -> None:
     server, client = make_keys(folder)
     say(f"{server}: the server's keys, for `rallyscope sim-server --bind tcp://HOST:PORT --keys {server}`")
     say(
-        f"{client}: a client's keys. Bring them to its machine on a safe way, then there: "
+        f"{client}: a client's keys. Copy them to its machine over a safe channel, then run there: "
         f"`rallyscope serve --source tcp://HOST:PORT --keys {client.name}`"
     )
 

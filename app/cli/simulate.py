@@ -39,7 +39,7 @@ class SceneArguments:
     scene: str | None = flag("what the cameras look at", "|".join(SCENES), DEFAULT)
     wall: float | None = flag("brightness of the walls (the scene's: 0.16 or 0.7)", "0..1")
     flicker: float | None = setting_flag(SceneConfig, "flicker", "DEPTH")
-    flicker_hz: float | None = setting_flag(SceneConfig, "flicker_hz", "HZ", "its frequency")
+    flicker_hz: float | None = setting_flag(SceneConfig, "flicker_hz", "HZ", "frequency of the flicker")
 
     def config(self) -> SceneConfig:
         """The scene that was asked for.
@@ -64,10 +64,10 @@ class DataSetArguments:
     """What makes a data set of it, and what goes with that only."""
 
     TITLE: ClassVar = "data sets: a folder of recordings; lists are comma-separated"
-    speeds: Numbers | None = flag("a recording each", "MPS,MPS...", SPEEDS)
-    scenes: Names | None = flag("every speed in each", "SCENE,SCENE...", "ball")
-    recordings_per: PositiveInt | None = flag("of every scene and speed", "N", 1)
-    preset: str | None = flag("a data set with a name, instead of lists", "|".join(PRESETS))
+    speeds: Numbers | None = flag("serve speeds; a recording for each", "MPS,MPS...", SPEEDS)
+    scenes: Names | None = flag("scenes; every speed is simulated in each", "SCENE,SCENE...", "ball")
+    recordings_per: PositiveInt | None = flag("recordings per scene and speed", "N", 1)
+    preset: str | None = flag("predefined data set, instead of these lists", "|".join(PRESETS))
 
     @property
     def asked(self) -> bool:
@@ -80,21 +80,23 @@ class SimulateArguments:
     """Make a recording, or a data set, with the simulated event cameras."""
 
     out: Path = flag("the recording, or data set, to make", "REC.h5|DIR")
-    serves: PositiveInt | None = flag("of a recording", "N", SERVES)
+    serves: PositiveInt | None = flag("serves in the recording", "N", SERVES)
     speed: float | None = setting_flag(LaunchConfig, "speed_mps", "MPS")
     scene: SceneArguments
-    cameras: str | None = flag("placement, or a calibration file", f"{'|'.join(PLACEMENTS)}|{CORNERS}|FILE", "side")
+    cameras: str | None = flag(
+        "camera placement, or a calibration file", f"{'|'.join(PLACEMENTS)}|{CORNERS}|FILE", "side"
+    )
     noise_hz: float | None = setting_flag(SensorConfig, "noise_hz", "HZ")
-    sensor: Sensor | None = flag("of a placement's cameras", "WxH", SENSOR_720)
+    sensor: Sensor | None = flag("sensor size of a placement's cameras", "WxH", SENSOR_720)
     physics: Profile | None = flag("flight of the ball", "paper|real", "paper")
     constants: Path | None = flag(CONSTANTS_HELP, "FILE")
     robot: bool | None = flag(
         "let the robot, which knows every ball, play it: racket and episodes are recorded (data sets: on)"
     )
     frames_hz: float | None = flag("take colour pictures too, at this rate", "HZ", within=(FrameConfig, "rate_hz"))
-    exposure_us: int | None = setting_flag(FrameConfig, "exposure_us", "N", "of the pictures")
-    seed: int = flag("the same seed, the same events", "N", 0)
-    force: bool = flag("replace what is there")
+    exposure_us: int | None = setting_flag(FrameConfig, "exposure_us", "N", "exposure of the colour pictures")
+    seed: int = flag("random seed; the same seed gives the same events", "N", 0)
+    force: bool = flag("overwrite what is there")
     json: bool = flag("print what was made as JSON")
     data_set: DataSetArguments
     engine: SharedBackendArguments

@@ -34,7 +34,7 @@ class StreamingArguments:
 
     streaming: bool = flag("score the newest answer that has arrived too: see docs/how/score-in-time.md")
     delay_us: WholeNumber | None = flag(
-        "with --streaming: what each answer takes besides, such as its way to the robot", "N", "0"
+        "with --streaming: extra latency of each answer, such as its way to the robot", "N", "0"
     )
 
     def added_us(self) -> int | None:

@@ -46,6 +46,7 @@ def tabulate(
     several = len(recordings) > 1
     chosen, tables = engine.engine(), table_paths(recordings, out)
     for path in recordings:
+        # Here, one alone is missed at once when it is opened, with a better message.
         if not path.exists() and (several or chosen.cluster):
             raise RecordingError("no such file", where=path)
     summaries: dict[int, Summary] = {}

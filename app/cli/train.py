@@ -54,22 +54,22 @@ class NewRunArguments:
 
     config: Path | None = flag("a config.toml; other options change it", "FILE")
     agent: AgentName | None = setting_flag(
-        RunConfig, "agent", what="who learns; the defaults below are those of ddpg, the paper's"
+        RunConfig, "agent", what="learning algorithm; the defaults below are those of ddpg, the paper's"
     )
     head: HeadName | None = setting_flag(LandingModelConfig, "head", what="what the landing model learns")
     speeds: Numbers | None = flag("curriculum: serve speeds in m/s, 3 to 9", "3,5")
-    episodes: Counts | None = flag("of each stage, or one number for all", "800,900")
+    episodes: Counts | None = flag("episodes per stage, or one number for all stages", "800,900")
     advance: Literal["episodes", "converged"] | None = setting_flag(CurriculumConfig, "advance")
-    reward: RewardKind | None = setting_flag(RewardConfig, "kind", what="what a ball earns")
+    reward: RewardKind | None = setting_flag(RewardConfig, "kind", what="reward per ball")
     replay: ReplayRule | None = setting_flag(CurriculumConfig, "replay")
     seeds: PositiveInt | None = setting_flag(RunConfig, "seeds", "N")
     first_seed: int | None = setting_flag(RunConfig, "first_seed", "N")
     state_source: StateSource | None = setting_flag(EnvironmentConfig, "state_source")
     state: StateKind | None = setting_flag(
-        EnvironmentConfig, "state", what="what is known of a ball: p_c and v_c, or with them spin and its uncertainty"
+        EnvironmentConfig, "state", what="what the policy sees of a ball: p_c and v_c, or also spin and its uncertainty"
     )
     racket: RacketSpeedRule | None = setting_flag(
-        EnvironmentConfig, "racket", what="its speed by the ball's, or chosen for every ball (landing-model)"
+        EnvironmentConfig, "racket", what="racket speed: derived from the ball's, or chosen per ball (landing-model)"
     )
     balls: str | None = flag(
         "drawn serves; the same with spin, up to 100 rad/s about each axis; or recorded ball states, a file or a folder"
@@ -78,11 +78,11 @@ class NewRunArguments:
         "serves",
     )
     outcomes: OutcomeSource | None = setting_flag(
-        EnvironmentConfig, "outcomes", what="who says what came of a stroke; `events` goes with states from events"
+        EnvironmentConfig, "outcomes", what="source of a stroke's outcome; `events` goes with states from events"
     )
     physics: Profile | None = flag("how balls fly and bounce", default="paper")
     constants: Path | None = flag(CONSTANTS_HELP, "FILE")
-    serves: Literal["standard", "hard"] | None = flag("which balls come", default="standard")
+    serves: Literal["standard", "hard"] | None = flag("which serves", default="standard")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,13 +90,13 @@ class TrainArguments:
     """Train a policy, or go on with a run that was stopped or killed."""
 
     out: Path = flag("folder of the run", "RUN")
-    resume: bool = flag("go on with the run in that folder")
+    resume: bool = flag("resume the run in that folder")
     new: NewRunArguments
     source: str | None = flag(
         "play every ball in a simulation server (its outcomes are the same; --outcomes events takes only its events)",
         "tcp://HOST:PORT",
     )
-    keys: Path | None = flag("for a source beyond this machine: a client's keys", "DIR")
+    keys: Path | None = flag("folder with the client's keys, for a source on another machine", "DIR")
     engine: SharedBackendArguments
     json: bool = flag("print a summary as JSON")
 
@@ -138,7 +138,7 @@ def _engine(arguments: TrainArguments) -> JobBackend:
         return arguments.engine.engine()
     for name in asked:
         remedy = "leave out one of the two"
-        raise CommandError("seeds take turns at a simulation server", where=f"--{name}", remedy=remedy)
+        raise CommandError("a simulation server plays one seed at a time", where=f"--{name}", remedy=remedy)
     return ALONE
 
 
@@ -222,7 +222,7 @@ def _report(folder: Path, config: RunConfig, state: str, *, as_json: bool) -> No
     if as_json:
         say(json.dumps({"run": str(folder), "state": state, "seeds": last}))
         return
-    say(f"{state}: {folder}" + ("" if state == "finished" else "   (go on with --resume)"))
+    say(f"{state}: {folder}" + ("" if state == "finished" else "   (continue with --resume)"))
     for line in last:
         error = line["error_mm"]
         shown = "-" if error is None else f"{error:.0f} mm from the target"

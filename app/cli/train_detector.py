@@ -47,10 +47,10 @@ class TrainDetectorArguments:
         "folder of recordings with pictures and the truth to train on", "DATASET", "rendered rooms"
     )
     config: Path | None = flag("settings, a TOML file", "FILE")
-    steps: PositiveInt | None = setting_flag(DetectorTrainingConfig, "steps", "N", "crops are shown so often")
+    steps: PositiveInt | None = setting_flag(DetectorTrainingConfig, "steps", "N", "training steps")
     rooms: PositiveInt | None = setting_flag(DetectorTrainingConfig, "rooms", "N")
     seed: int | None = setting_flag(DetectorTrainingConfig, "seed", "N")
-    input_size: str | None = flag("of the network", "WIDTHxHEIGHT", "640x384")
+    input_size: str | None = flag("input size of the network", "WIDTHxHEIGHT", "640x384")
     precision: Precision | None = setting_flag(DetectorTrainingConfig, "precision")
     device: str = flag("auto|cpu|cuda; auto takes a GPU if torch sees one", "NAME", "auto")
     force: bool = flag("replace the weights if they exist")
@@ -85,7 +85,7 @@ def run(arguments: TrainDetectorArguments) -> None:
         say(json.dumps({"weights": str(arguments.out), "state": state, "score": found}))
         return
     if score is None:
-        say(f"stopped: {arguments.out}   (the same command goes on)")
+        say(f"stopped: {arguments.out}   (the same command continues)")
         return
     confidence = load_weights(arguments.out).config.confidence
     say(f"finished: {arguments.out}, {arguments.out.stat().st_size / 1e6:.1f} MB, confidence from {confidence:g}")

@@ -50,7 +50,7 @@ class TuneArguments:
     recording: Path = positional("a recording that knows the truth, or that was labelled", "REC")
     camera: str | None = flag("which camera", "NAME", "all of them")
     detector: MethodArguments
-    against: Against = flag("what is right: the recording's ground truth, or a person's labels", default="truth")
+    against: Against = flag("reference: the recording's ground truth, or labels", default="truth")
     annotator: str | None = flag("whose labels; needed if there are several", "NAME")
     data: Path = flag("workspace with the labels", "DIR", DATA)
     parameters: Names | None = flag(
@@ -60,7 +60,7 @@ class TuneArguments:
     seed: int = setting_flag(TuningConfig, "seed", "N")
     engine: SharedBackendArguments
     out: Path = flag("the config that was found, for --config of the verbs that detect", "FILE.toml")
-    until_eof: bool = flag("end when standard input ends, as a child process should, and say each batch in a line")
+    until_eof: bool = flag("exit when standard input ends (for use as a child process), and print a line per batch")
     json: bool = flag("print what was found as JSON")
 
 

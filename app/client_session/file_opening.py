@@ -15,6 +15,7 @@ from app.background.jobs import Job, Progress
 from app.formatting import fact_rows, notice_of
 from app.modes.services import Services
 from app.shared.files import OfferedFile, OpeningChoices, bring_in, look_at
+from app.shared.samples import PAGE, missing_samples
 from app.web.pages import Json, Message
 from core.errors import CommandError, RallyscopeError, RecordingError
 from core.events import SensorSize
@@ -42,12 +43,16 @@ _FIELD_NAMES: Final = tuple(option.removeprefix("--").replace("-", "_") for opti
 """By which the page sends what is in the fields."""
 
 
-def list_message(files: Sequence[OfferedFile]) -> Message:
-    """Message with the dialog's list: names and keys, no paths."""
+def list_message(files: Sequence[OfferedFile], missing: Sequence[str] = ()) -> Message:
+    """Message with the dialog's list: names and keys, no paths; and the public samples that could be added."""
     rows: list[Json] = [
         [file.key, file.path.name, file.folder, file.kind, size_text(file.size_bytes)] for file in files[:MAX_LISTED]
     ]
-    return {"files": rows, "left_out": max(0, len(files) - MAX_LISTED)}
+    hint = ""
+    if missing:
+        names = ", ".join(missing)
+        hint = f"More samples ({names}): put their files into the folder samples of the workspace; see {PAGE}."
+    return {"files": rows, "left_out": max(0, len(files) - MAX_LISTED), "samples": hint}
 
 
 def facts_message(name: str, source: str, kind: str | None, recording: Recording) -> Message:
@@ -93,6 +98,7 @@ def choices_from(fields: Mapping[str, str]) -> OpeningChoices:
     sides = {}
     for name in ("width", "height"):
         text = fields.get(name, "")
+        # `int` takes digits of all scripts, and texts of any length.
         if text and not (text.isascii() and text.isdecimal() and len(text) < 8):
             raise CommandError("not a number of pixels", expected="such as 640", got=text, where=name.capitalize())
         sides[name] = int(text) if text else None
@@ -267,7 +273,8 @@ class FileOpening:
 
     def _list(self) -> None:
         try:
-            self._page.send("files", list_message(self._services.files.all()))
+            missing = missing_samples(self._services.workspace)
+            self._page.send("files", list_message(self._services.files.all(), missing))
         except RallyscopeError as error:
             logger.warning("the files cannot be listed: %s", error)
 
@@ -392,6 +399,7 @@ class FileOpening:
                 if answer is None or answer["state"] != "question":
                     return answer
                 with self._lock:
+                    # Under the lock: a page that is closed meanwhile would leave the source to nobody.
                     kept = not cancelled() and not self._closed
                     self._question = _Question(source, fields, refused) if kept else None
                 return {**answer, "fields": dict(fields), "refused": refused}

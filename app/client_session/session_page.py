@@ -202,8 +202,7 @@ class SessionPage:
         if state is not None:
             self._keep(state, self._memory.keep)
         if self._visit.page:
-            self._pages.uploads.close(self._visit.page)
-            self._pages.close(self._visit.page)
+            self._pages.close(self._visit.page, self._hear)
 
     def _keep(self, state: ClientState, keep: Callable[[str, Remembered], object]) -> None:
         """Store the settings if they have changed."""

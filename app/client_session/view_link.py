@@ -105,6 +105,7 @@ def _view(state: ClientState, now_us: int) -> Iterator[tuple[str, str]]:
     look, tune, watch = state.look, state.tune, state.watch
     yield "recording", state.recording
     yield "mode", state.mode if state.mode != "Watch" else ""
+    # A live view that follows has no time of its own.
     yield "t", "" if state.playhead.following else str(now_us)
     yield "camera", state.camera if state.camera != state.cameras[0] else ""
     yield "speed", f"{state.playhead.speed:g}"

@@ -89,6 +89,7 @@ def export_csv(
                     "t_us": one.t_us + span.start_us,
                     "x_px": one.x_px,
                     "y_px": one.y_px,
+                    # 0 and 1, which every reader takes, not True and False.
                     "on": one.on.astype(np.uint8),
                 }
                 for one in slices

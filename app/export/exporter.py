@@ -43,6 +43,7 @@ class ExportState:
     @property
     def left_s(self) -> float | None:
         """Estimated time left, s; None while unknown."""
+        # In the first fiftieth, what is loaded and compiled would be taken for the work's own pace.
         return None if self.share < 0.02 else self.seconds * (1 - self.share) / self.share
 
 

@@ -60,6 +60,13 @@ def film_file(
     """Context manager with the encoder; at the end of the block the film is complete. If the block raises, there is
     none.
 
+    Args:
+        path: the film.
+        width_px: even.
+        height_px: even.
+        frames_per_s: of the film.
+        overwrite: whether a file there may be replaced.
+
     Raises:
         CommandError: if the size is odd, the file exists and `overwrite` is not set, or it cannot be written.
     """

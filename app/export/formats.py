@@ -155,6 +155,15 @@ def export(
 ) -> tuple[Path, ...]:
     """Export a recording or a run; returns the files.
 
+    Args:
+        order: format, part, file and settings.
+        recording: what is exported, or
+        run: the folder of a training run.
+        groups: reads further groups of the recording, such as "/racket".
+        labels: by camera.
+        progress: gets the share that is done.
+        cancelled: is asked again and again.
+
     Raises:
         RallyscopeError: if it cannot be made.
         ExportCancelledError: if `cancelled()` is true; nothing is left behind then.

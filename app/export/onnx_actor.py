@@ -79,6 +79,7 @@ def actor_model(policy: Policy, config: RunConfig) -> ModelProto:
     about = {"state": STATE, "goal": GOAL, "angles_rad": ANGLES, "agent": config.agent}
     about |= {"base_pitch_deg": f"{stroke.base_pitch_deg:g}", "racket_speed": json.dumps(speeds)}
     helper.set_model_props(model, about)
+    # A graph that the checker refuses would fail in the user's runtime, far from here.
     checker.check_model(model)
     return model
 

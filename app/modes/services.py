@@ -13,6 +13,7 @@ from app.shared.files import OfferedFiles
 from app.shared.job_backends import HERE_ONLY, JobBackends
 from app.shared.library import Library
 from app.shared.rallies import Rallies
+from app.shared.samples import sample_folders
 from app.shared.trainer import Trainer
 from app.shared.training_records import MetricsStore
 from app.shared.workspace import Workspace
@@ -68,7 +69,7 @@ class Services:
             Trainer(workspace, places),
             MetricsStore(),
             BrowserMemory(workspace),
-            OfferedFiles(workspace, library.folders),
+            OfferedFiles(workspace, library.folders, sample_folders(workspace)),
             places,
             SharedWork(render_camera_pictures, lambda request: request.key),
             SharedWork(find_missed_ball, lambda request: request.key),

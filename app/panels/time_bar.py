@@ -87,6 +87,12 @@ def runs_of_times(t_us: Times, kinds: NDArray[np.int64], names: tuple[str, ...],
     """Times (ascending) with a kind each, joined where neighbours of one kind are no further apart than `width_us`.
 
     Each time stands for the `width_us` that begin with it.
+
+    Args:
+        t_us: (N,) times, ascending.
+        kinds: (N,) index into `names`.
+        names: of the kinds.
+        width_us: how long each time stands for.
     """
     if not len(t_us):
         return Runs(t_us, t_us, ())
@@ -166,6 +172,7 @@ def command_of(message: Message) -> Command | None:
         case "seek" if (t_us := _integer(value)) is not None:
             return Seek(t_us)
         case "step" if (steps := _integer(value)) is not None:
+            # Keys that repeat while the page is busy add up.
             return StepTime(max(-1000, min(steps, 1000)))
         case "speed" if isinstance(value, (int, float)) and value in SPEEDS:
             return SetPlaybackSpeed(float(value))

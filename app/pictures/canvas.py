@@ -41,6 +41,13 @@ class Region:
 
         It has the sensor's shape, or is as wide as `aspect` times its height; its shorter side is then the height that
         the sensor's shape would have.
+
+        Args:
+            u_px: column of the middle.
+            v_px: row of the middle.
+            sensor: its size.
+            zoom: 1 shows the whole sensor.
+            aspect: width over height; None: the sensor's.
         """
         width, height = sensor.width_px / zoom, sensor.height_px / zoom
         if aspect is not None:
@@ -80,7 +87,14 @@ class Canvas:
 
     @staticmethod
     def of_binned(pixels: NDArray[np.uint8], sensor: SensorSize, binning: int, *, across: int = 1) -> Canvas:
-        """A whole-sensor picture whose pixels are `binning` sensor pixels a side."""
+        """A whole-sensor picture whose pixels are `binning` sensor pixels a side.
+
+        Args:
+            pixels: (rows, columns) palette indices of the binned picture.
+            sensor: its full size.
+            binning: sensor pixels a side.
+            across: pictures that stand beside each other.
+        """
         canvas = Canvas.__new__(Canvas)
         canvas.region, canvas.across = Region.of_sensor(sensor), across
         canvas.scale, canvas.image, canvas.texts = 1 / binning, pixels, []
@@ -105,12 +119,27 @@ class Canvas:
         self.image[:] = pixels.repeat(int(self.scale), axis=0).repeat(int(self.scale), axis=1)
 
     def draw_polygon(self, points_px: ArrayLike, ink: int, *, thickness: int = 1, closed: bool = True) -> None:
-        """Polygon, or open line, through sensor points (N, 2)."""
+        """Polygon, or open line, through sensor points (N, 2).
+
+        Args:
+            points_px: (N, 2) on the sensor.
+            ink: palette index.
+            thickness: px of the picture.
+            closed: whether the last point is joined with the first.
+        """
         points = self._fixed(points_px).reshape(1, -1, 2)
         cv2.polylines(self.image, [points], closed, int(ink), thickness, cv2.LINE_8, SUB_PIXEL_BITS)
 
     def draw_ellipse(self, u_px: float, v_px: float, covariance_px2: ArrayLike, ink: int, *, sigmas: float) -> None:
-        """The ellipse of so many standard deviations of a position with covariance xx, xy, yy."""
+        """The ellipse of so many standard deviations of a position with covariance xx, xy, yy.
+
+        Args:
+            u_px: column on the sensor.
+            v_px: row.
+            covariance_px2: (3,) xx, xy, yy.
+            ink: palette index.
+            sigmas: half axes in standard deviations.
+        """
         xx, xy, yy = np.asarray(covariance_px2, np.float64)
         values, axes = np.linalg.eigh(np.array([[xx, xy], [xy, yy]]))
         angle = np.linspace(0, 2 * np.pi, 40, endpoint=False)
@@ -118,7 +147,15 @@ class Canvas:
         self.draw_polygon(ring @ axes.T + (u_px, v_px), ink)
 
     def draw_circle(self, u_px: float, v_px: float, r_px: float, ink: int, *, thickness: int = 1) -> None:
-        """Circle in sensor coordinates, with its centre marked."""
+        """Circle in sensor coordinates, with its centre marked.
+
+        Args:
+            u_px: column on the sensor.
+            v_px: row.
+            r_px: radius on the sensor.
+            ink: palette index.
+            thickness: px of the picture.
+        """
         (centre,) = self._fixed([(u_px, v_px)])
         radius = round(r_px * self.scale * 2**SUB_PIXEL_BITS)
         cv2.circle(self.image, tuple(centre), radius, int(ink), thickness, cv2.LINE_8, SUB_PIXEL_BITS)
@@ -126,7 +163,15 @@ class Canvas:
         cv2.drawMarker(self.image, (x, y), int(ink), cv2.MARKER_CROSS, 7 + 2 * thickness, 1)
 
     def draw_broken_ring(self, u_px: float, v_px: float, radius_px: int, ink: int, *, thickness: int = 1) -> None:
-        """Four arcs round a sensor point, of a radius in pixels of the picture, and the point itself."""
+        """Four arcs round a sensor point, of a radius in pixels of the picture, and the point itself.
+
+        Args:
+            u_px: column on the sensor.
+            v_px: row.
+            radius_px: px of the picture.
+            ink: palette index.
+            thickness: px of the picture.
+        """
         (centre,) = self._fixed([(u_px, v_px)])
         x, y = (centre / 2**SUB_PIXEL_BITS).round().astype(int).tolist()
         for begin in (20, 110, 200, 290):
@@ -144,11 +189,26 @@ class Canvas:
                 self.image[y[seen], x[seen]] = ink
 
     def draw_box(self, x0_px: float, y0_px: float, x1_px: float, y1_px: float, ink: int) -> None:
-        """Outline of a rectangle with corners in sensor coordinates."""
+        """Outline of a rectangle with corners in sensor coordinates.
+
+        Args:
+            x0_px: left on the sensor.
+            y0_px: top.
+            x1_px: right.
+            y1_px: bottom.
+            ink: palette index.
+        """
         self.draw_polygon([(x0_px, y0_px), (x1_px, y0_px), (x1_px, y1_px), (x0_px, y1_px)], ink)
 
     def write(self, u_px: float, v_px: float, text: str, ink: int) -> None:
-        """Text whose lower left corner stands at a sensor point, if that is in the picture."""
+        """Text whose lower left corner stands at a sensor point, if that is in the picture.
+
+        Args:
+            u_px: column on the sensor.
+            v_px: row.
+            text: one line.
+            ink: palette index.
+        """
         region = self.region
         if not (region.x <= u_px < region.x + region.width and region.y <= v_px < region.y + region.height):
             return

@@ -122,6 +122,7 @@ class TrailActor:
 
 def resampled(ps_world_m: Array, speeds_mps: Array, points: int) -> tuple[Array, Array]:
     """(points, 3) and (points,) of a path (N, 3), N >= 2, with speeds (N,): rows of the path, both ends among them."""
+    # The nearest row, in whole numbers: half of the divisor is added before dividing.
     rows = (np.arange(points) * (len(ps_world_m) - 1) + (points - 1) // 2) // (points - 1)
     return ps_world_m[rows], speeds_mps[rows]
 

@@ -234,7 +234,15 @@ class PredictionActors:
         )
 
     def show(self, before: Array, after: Array, bounce: Array | None, hit: Array | None, *, plane: bool) -> None:
-        """The paths (N, 3), empty to hide them; the points (3,)."""
+        """The paths (N, 3), empty to hide them; the points (3,).
+
+        Args:
+            before: (N, 3) path of the prediction before the bounce, world, m.
+            after: (M, 3) path of the one after it.
+            bounce: (3,) where it bounces.
+            hit: (3,) where it comes through the hitting plane.
+            plane: whether the hitting plane is drawn.
+        """
         for number, (handle, path) in enumerate(((self._before, before), (self._after, after))):
             handle.visible = len(path) > 1
             if len(path) > 1 and path is not self._paths[number]:

@@ -72,7 +72,14 @@ def stage_with(people: People | None, cameras: Collection[Camera] = ()) -> Array
 
 
 def standpoint(view: str, aspect: float, *, stage: Array = STAGE, margin: float = MARGIN) -> Viewpoint:
-    """One of `VIEWPOINTS` for a picture of this width over height; of those in `FRAMED` all of `stage` is seen."""
+    """One of `VIEWPOINTS` for a picture of this width over height; of those in `FRAMED` all of `stage` is seen.
+
+    Args:
+        view: name of the viewpoint.
+        aspect: width over height of the picture.
+        stage: (N, 3) points that are to be seen, world, m.
+        margin: share of the picture left free on each side.
+    """
     viewpoint = VIEWPOINTS[view]
     if view == "Broadcast":
         x, y, z = viewpoint.position
@@ -108,6 +115,12 @@ def framed(viewpoint: Viewpoint, ps_world_m: ArrayLike, aspect: float, margin: f
     """The viewpoint moved so that the points (N, 3) just fill a picture of this width over height.
 
     It turns about the point of its line of sight that is nearest to what it looked at.
+
+    Args:
+        viewpoint: direction and lens.
+        ps_world_m: (N, 3) points that are to be seen.
+        aspect: width over height of the picture.
+        margin: share of the picture left free on each side.
     """
     towards = np.subtract(viewpoint.look_at, viewpoint.position)
     right, down, forward = look_at(viewpoint.position, viewpoint.look_at)[:3, :3].T
@@ -182,7 +195,14 @@ def view_camera_of(client: viser.ClientHandle) -> ViewCamera:
 
 
 def drawn_radius_m(eye: ViewCamera, p_world_m: Array, radius_m: float, least_share: float = MIN_SHARE) -> float:
-    """The radius with which a ball (3,) is drawn: its own, or larger so that it stays `least_share` of the picture."""
+    """The radius with which a ball (3,) is drawn: its own, or larger so that it stays `least_share` of the picture.
+
+    Args:
+        eye: the camera of the view.
+        p_world_m: (3,) the ball.
+        radius_m: its own radius.
+        least_share: least radius as a share of the picture's height.
+    """
     picture_height_m = 2 * eye.depth_m(p_world_m) * math.tan(eye.fov_rad / 2)
     return max(radius_m, least_share * picture_height_m)
 
@@ -199,7 +219,14 @@ def lift_before_floor_m(eye: ViewCamera, p_world_m: Array, lift_m: float = LIFT_
 
 
 def sprite_pose(eye: ViewCamera, p_world_m: Array, radius_m: float, lift_m: float = LIFT_M) -> SpritePose:
-    """A sprite on the line from the eye to a point (3,), `lift_m` nearer, that looks as one of `radius_m` there."""
+    """A sprite on the line from the eye to a point (3,), `lift_m` nearer, that looks as one of `radius_m` there.
+
+    Args:
+        eye: the camera of the view.
+        p_world_m: (3,) what the sprite stands for.
+        radius_m: its radius there.
+        lift_m: how much nearer the sprite is, so that nothing at that place hides it.
+    """
     to_view_camera = eye.p_world_m - p_world_m
     distance = math.sqrt(float(to_view_camera @ to_view_camera))
     share = min(lift_m, distance / 2) / max(distance, 1e-9)
@@ -235,6 +262,7 @@ def render_view(client: viser.ClientHandle, width_px: int, height_px: int, eye: 
         ) from error
     except RuntimeError as error:
         raise CommandError(GONE) from error
+    # A browser may render at the size of its own window.
     if pixels.shape[:2] != (height_px, width_px):
         got = f"{pixels.shape[1]}x{pixels.shape[0]}"
         raise CommandError("the browser drew another size", expected=f"{width_px}x{height_px}", got=got)

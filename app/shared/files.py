@@ -97,6 +97,7 @@ def bring_in(
         RecordingError: if the file cannot be read, or the disk has no room for the result.
     """
     own = path.parent == workspace.recordings
+    # Before anything is decoded: our own files are used where they are.
     if is_growing(path) or is_recording(path):
         if own:
             return path.stem
@@ -233,6 +234,8 @@ class OfferedFiles:
     workspace: Workspace
     folders: tuple[Path, ...] = ()
     """Folders listed besides the workspace's recordings."""
+    samples: tuple[tuple[Path, str], ...] = ()
+    """Folders of sample recordings, and what each is called in the list; they come last."""
     _secret: bytes = field(default_factory=lambda: secrets.token_bytes(32), repr=False)
     _kinds: dict[tuple[Path, int, int], str | None] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
@@ -253,7 +256,8 @@ class OfferedFiles:
         return next((file for file in self.all() if hmac.compare_digest(file.key.encode(), key.encode())), None)
 
     def _places(self) -> list[tuple[Path, str]]:
-        return [(self.workspace.recordings, OWN), *((folder, folder.name or str(folder)) for folder in self.folders)]
+        others = ((folder, folder.name or str(folder)) for folder in self.folders)
+        return [(self.workspace.recordings, OWN), *others, *self.samples]
 
     def _offered(self, path: Path, folder: str) -> OfferedFile | None:
         try:

@@ -29,7 +29,12 @@ class Library:
         self._health_lock = threading.Lock()
 
     def add_external(self, path: Path) -> str:
-        """Offer a recording from outside the workspace for as long as this process lives; returns its name."""
+        """Offer a recording for as long as this process lives; returns its name: one of the workspace keeps its own."""
+        if (
+            path.stem in self._workspace_names()
+            and self._workspace.recording_path(path.stem).resolve() == path.resolve()
+        ):
+            return path.stem
         for name, known in self._external.items():
             if known == path:
                 return name

@@ -68,6 +68,11 @@ class Workspace:
         return self._folder("exports")
 
     @property
+    def samples(self) -> Path:
+        """Folder for public sample files that a person has fetched."""
+        return self._folder("samples")
+
+    @property
     def browsers(self) -> Path:
         """Folder of the browsers' stored settings."""
         return self._folder("browsers")

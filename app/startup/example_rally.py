@@ -35,17 +35,24 @@ NONE: Final = -1
 class ExampleRally:
     """Shows the pictures one after the other, again and again. Called by the loop of a browser's session."""
 
-    def __init__(self, draw: Callable[[RallyPicture], None]) -> None:
+    def __init__(self, draw: Callable[[RallyPicture], None], *, after_s: float = AFTER_S) -> None:
+        """`after_s`: time of waiting from which on it is shown."""
         self._draw = draw
+        self._after_s = after_s
         self._begun_s: float | None = None
         self._drawn_s = float("-inf")
         self._number = NONE
+
+    @property
+    def is_shown(self) -> bool:
+        """Whether a picture was drawn."""
+        return self._number != NONE
 
     def tick(self, wall_s: float, every_s: float) -> None:
         """Draw the picture of this moment, if it is another one than before, and that is `every_s` ago."""
         if wall_s - self._drawn_s < every_s:
             return
-        self._begun_s = wall_s + AFTER_S if self._begun_s is None else self._begun_s
+        self._begun_s = wall_s + self._after_s if self._begun_s is None else self._begun_s
         if wall_s < self._begun_s:
             return
         pictures = example_pictures()

@@ -24,11 +24,14 @@ from core.robot import RobotClient
 logger = logging.getLogger(__name__)
 
 
+FIRST_ONLY: Final = "on the first start only"
 State = Literal["waiting", "running", "done", "failed"]
 SAY_EVERY: Final = 0.25
 LEAST_SHARE: Final = 0.03
 LEAST_S: Final = 2.0
 """Share and time from which on a rate is measured: before, one kernel more doubles it."""
+PICTURE_WITHIN_S: Final = 15.0
+"""So long the detector's compilation leaves the processor to the page; then nobody seems to look."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +63,10 @@ class Preparation:
     def __init__(self, steps: dict[str, Step], say: Callable[[str], None] = lambda line: None) -> None:
         """`say` gets a line when a long step begins, at every quarter of it, and at its end."""
         self._steps = dict(steps)
+        self.is_first = any(step.hint == FIRST_ONLY for step in steps.values())
+        """Whether something has to be compiled, which takes so long that a recorded rally is shown at once."""
+        self.picture_is_shown = threading.Event()
+        """Set once a browser has shown a picture of the recorded rally, or of something else."""
         self._say = say
         self._reported: dict[str, float] = {}
         self._lock = threading.Lock()
@@ -111,12 +118,11 @@ class Preparation:
 
 
 DEMO: Final = "demo"
-FIRST_ONLY: Final = "on the first start only"
 OWN_STEPS: Final = {
     "simulation": Step("Compiling the simulation", FIRST_ONLY),
     "chain": Step("Compiling the ball detector and the player", FIRST_ONLY),
     "rally": Step("Starting the live rally"),
-    "demo": Step("Making the demo recording", "on the first start only, a few seconds"),
+    "demo": Step("Making the demo recording", FIRST_ONLY),
 }
 REMOTE_STEPS: Final = {
     "simulation": Step("Waiting for the simulation", "it is being compiled on the other machine"),
@@ -198,6 +204,7 @@ class Startup:
             self._stopped = True
             children, process = tuple(self._children), self._process
             taken = self._taker is not None and self._live is not None
+        self.preparation.picture_is_shown.set()  # whoever waits for it ends
         for child in children:
             child.stop()
         if process is not None and not taken:
@@ -238,10 +245,18 @@ class Startup:
         place = marker()
         if place is None:  # no cache for compiled code
             compile_chain(lambda ready, known: self.preparation.advance("chain", ready / known))
-        elif not place.exists() and self._run_child("chain", "app.startup.chain") and not self._stopped:
+        elif not place.exists() and self._compile_in_child() and not self._stopped:
             logger.warning("compiling ahead failed: %s", self._children[-1].last_words)  # the player compiles it then
         self.preparation.finish("chain")
         self._chain_is_compiled.set()
+
+    def _compile_in_child(self) -> int:
+        """Compile after the first picture; returns the exit code.
+
+        On two cores the simulation, which takes longest, the app that loads and the browser that draws are enough.
+        """
+        self.preparation.picture_is_shown.wait(PICTURE_WITHIN_S)
+        return self._run_child("chain", "app.startup.chain")
 
     def _bring_up_live(self) -> None:
         if self._source is None:

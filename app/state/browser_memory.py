@@ -60,6 +60,7 @@ def with_settings(base: DetectorConfig, settings: Mapping[str, object]) -> Detec
                 raise ConfigError("no such setting", expected="one of the detector's", got=name[:80])
             if isinstance(value, list):
                 value = tuple(value)
+            # JSON of a browser writes 2.0 as 2.
             elif spec.kind is float and isinstance(value, int) and not isinstance(value, bool):
                 value = float(value)
             if not isinstance(value, (bool, int, float, str, tuple)):

@@ -28,6 +28,7 @@ class AnswerCache:
             if key in self._answers:
                 self._answers.move_to_end(key)
                 return self._answers[key]
+        # Without the lock: two may compute the same, but none waits for another's window.
         answer = explain_window(stream, method, config, t_us)
         with self._lock:
             self._answers[key] = answer

@@ -33,8 +33,15 @@ def draw_ball_inset(
 ) -> None:
     """Draw the surroundings of a ball (u, v, r, px) magnified into the corner of `canvas` that is far from it.
 
-    `draw_marks` draws circles into the magnified part. Nothing is drawn into a picture that is too small for it. Texts
-    of what the inset covers are removed.
+    Nothing is drawn into a picture that is too small for it. Texts of what the inset covers are removed.
+
+    Args:
+        canvas: the picture.
+        window: its events.
+        ball: u, v and r, px on the sensor.
+        rendering: how events are drawn.
+        draw_marks: draws into the magnified part.
+        titled: whether the inset has a title.
     """
     height, width = canvas.image.shape
     space_px = round(SHARE * min(height, width))

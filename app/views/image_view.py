@@ -209,7 +209,15 @@ def free_share(window_px: float, panel_px: float | None) -> float:
 
 
 def framing(width: float, height: float, aspect: float, panel_share: float) -> tuple[float, float]:
-    """Visible height and centre (downwards) of a mosaic in a window, in pixels of the mosaic."""
+    """Visible height and centre (downwards) of a mosaic in a window, in pixels of the mosaic.
+
+    Args:
+        width: of the mosaic, px.
+        height: of the mosaic, px.
+        aspect: width over height of the window.
+        panel_share: of the window's height that a panel at the bottom covers.
+    """
+    # A hundredth stays free on each side, so that no edge of a picture touches the window's.
     width, height = width * 1.02, height * 1.02
     visible = max(height / (1 - panel_share), width / aspect)
     top_margin = (visible * (1 - panel_share) - height) / 2

@@ -140,6 +140,7 @@ def render_watch(request: WatchRequest) -> Mosaic:
     balls: list[tuple[str, int]] = []
     for name, stream in cameras.items():
         window = window_before(stream, request.t_us, look.window_us)
+        # Several wide pictures side by side are shown smaller than a pixel for a pixel anyway.
         binning = 2 if len(cameras) > 1 and stream.sensor.width_px > BINNED_WIDTH_PX else 1
         if binning == 1:
             canvas = Canvas(Region.of_sensor(stream.sensor), across=across)

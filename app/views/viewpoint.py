@@ -29,6 +29,12 @@ def look(client: viser.ClientHandle, viewpoint: Viewpoint, *, near: float = 0.05
 
     viser sends nothing that equals what the browser reported last, but a report may be older than what was sent since:
     so everything is set to something else first.
+
+    Args:
+        client: the browser.
+        viewpoint: position, direction, lens.
+        near: nearest depth that is drawn, m.
+        far: farthest, m.
     """
     camera = client.camera
     with client.atomic():

@@ -31,7 +31,7 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from app.theme import apply_theme
-from app.viser_parts import check_parts, moved_part, read_page, websocket_server
+from app.viser_parts import allow_threads, check_parts, moved_part, read_page, websocket_server
 from app.web.access_policy import TOKEN_COOKIE, Admission, RequestOrigin, check_address, port_taken
 from app.web.pages import PageConnection, Pages
 
@@ -116,6 +116,10 @@ UPLOAD_PATH: Final = "/rallyscope/upload"
 ALIVE_PATH: Final = "/rallyscope/alive"
 FILM_PATH: Final = "/rallyscope/rally.webp"
 MAX_ID_LENGTH: Final = 64
+PING_EVERY_S: Final = 20.0
+PATIENCE_S: Final = 120.0
+"""A page that does not answer for so long is gone. One of a busy machine may take half a minute, and would be loaded
+anew while a person types in it."""
 SAFETY_HEADERS: Final = {
     "Content-Security-Policy": "frame-ancestors 'none'",  # a foreign page shows ours in no frame to have it clicked
     "X-Frame-Options": "DENY",
@@ -146,6 +150,7 @@ class Gateway:
             self.server.stop()
             raise moved_part("its call of websockets.asyncio.server.serve")
         infra = websocket_server(self.server)
+        allow_threads(infra)
         infra.on_client_connect(self._come)
         infra.on_client_disconnect(self._go)
         self._open = True
@@ -155,6 +160,7 @@ class Gateway:
         return self._visits.get(client.client_id, PageConnection())
 
     def _come(self, client: WebsockClientConnection) -> None:
+        allow_threads(client)
         self._visits[client.client_id] = self._visiting.get()
 
     def _go(self, client: WebsockClientConnection) -> None:
@@ -177,7 +183,8 @@ class Gateway:
                 answer = process_request(connection, request)
                 return await answer if inspect.isawaitable(answer) else answer
 
-            return original(self._handle(handler), *address, process_request=judged, **options)
+            keeping = {"ping_interval": PING_EVERY_S, "ping_timeout": PATIENCE_S}
+            return original(self._handle(handler), *address, process_request=judged, **{**options, **keeping})
 
         websockets.asyncio.server.serve = serve  # type: ignore[assignment]
         try:

@@ -56,15 +56,28 @@ class Pages:
         """Files that they send."""
 
     def open(self, page: str, listen: Callable[[Message], None]) -> None:
-        """A session is there for this page; `listen` gets the page's messages in the server's event loop."""
-        with self._lock:
-            self._pages[page] = _Page(listen=listen)
+        """A session is there for this page; `listen` gets the page's messages in the server's event loop.
 
-    def close(self, page: str) -> None:
-        """Its session is gone; the page is told by the end of its websocket."""
+        Where viser's own websocket broke and came anew, the page's other one goes on, with the new session.
+        """
         with self._lock:
-            gone = self._pages.pop(page, None)
-        if gone is not None and gone.loop is not None and gone.connection is not None:
+            known = self._pages.setdefault(page, _Page())
+            known.listen = listen
+            known.latest.clear()
+            known.unsent.clear()
+
+    def close(self, page: str, listen: Callable[[Message], None]) -> None:
+        """The session that listened is gone: so is the page, and hears it by the end of its websocket.
+
+        Nothing happens if another session has taken over.
+        """
+        with self._lock:
+            known = self._pages.get(page)
+            if known is None or known.listen != listen:
+                return
+            gone = self._pages.pop(page)
+        self.uploads.close(page)
+        if gone.loop is not None and gone.connection is not None:
             _in_loop(gone.loop, gone.connection.close())
 
     def send(self, page: str, type_: str, values: Message) -> None:

@@ -115,6 +115,7 @@ class Uploads:
         folder = await asyncio.to_thread(self._make_folder, size_bytes)
         path = folder / name
         try:
+            # x: never over a file that is there.
             with path.open("xb") as file:
                 await _say(connection, ready=True)
                 got_bytes = 0
@@ -128,6 +129,7 @@ class Uploads:
                     await asyncio.to_thread(file.write, piece)
                     await _say(connection, got=got_bytes)
             with self._lock:
+                # Again: the page may have gone while it sent.
                 take = self._takers.get(page, {}).get(purpose)
             if take is None:
                 raise RefusedUpload("The page was closed.")

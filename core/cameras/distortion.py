@@ -29,6 +29,7 @@ ORDER: Final[dict[LensModel, str]] = {
 """Their order, which is OpenCV's."""
 NEWTON_ROUNDS = 20
 CONVERGED = 1e-12
+"""Newton's method doubles the digits in each round: what needs more than a few has no solution."""
 WRONG = 1e-7
 """A tenth of a thousandth of a pixel at f = 1000 px."""
 

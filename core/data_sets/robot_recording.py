@@ -64,9 +64,6 @@ def record_robot(
 ) -> SimulatedRecording:
     """Write a recording of one serve per speed, played by the robot. The same seed gives the same recording.
 
-    The cameras work in `threads` threads, one each unless told otherwise. `remarks` are added to the config in the
-    recording.
-
     Args:
         path: the file.
         config: task, scene, sensor and racket.
@@ -74,7 +71,7 @@ def record_robot(
         speeds_mps: of the serves, one after the other.
         seed: of serves and noise.
         frames: pictures that are taken too.
-        threads: of the cameras.
+        threads: of the cameras; None: one each.
         uuid: identity of the recording; None: a new one.
         remarks: added to its config.
         overwrite: whether a file there may be replaced.

@@ -61,6 +61,7 @@ class CameraFeed:
         self._counts = dict.fromkeys(FeedCounts.__dataclass_fields__, 0)
         self._quiet_s = 0.0
         self._marks: deque[tuple[float, int]] = deque([(time.monotonic(), 0)])
+        """When packets came, and how many events there were by then: the rate is of the last `RATE_S`."""
         self._stop = False
         self._thread = threading.Thread(target=self._run, name=f"camera-{name}", daemon=True)
         self._thread.start()

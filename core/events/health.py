@@ -47,6 +47,7 @@ HOT_SAMPLE_SHARE = 0.5
 HOT_SAMPLES_NEEDED = 8
 SAMPLES = 40
 SAMPLE_US = 20_000
+"""Together 0.8 s are read, however long the recording is."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -59,16 +59,13 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         backend: EpisodeBackend | None = None,
         racket: RacketSpeedRule | None = None,
     ) -> None:
-        """With `batch` exactly these balls are played, in this order, again from the first after the last.
-
-        A `backend` serves, shows and plays them elsewhere than in the closed-form simulator. `reward` may be a name,
-        and `racket` replaces that of the `environment`.
+        """An environment before its first episode.
 
         Args:
             speed_mps: of the serves at the launcher.
             environment: the task; None: the paper's.
             reward: its config or name; None: the paper's.
-            batch: fixed balls.
+            batch: exactly these balls are played, in this order, again from the first after the last.
             backend: what serves and plays them; None: the closed-form simulator.
             racket: speed of the racket; None: the environment's.
         """

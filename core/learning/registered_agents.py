@@ -18,7 +18,7 @@ from core.registry import Registry
 AgentName = str
 """The name of an agent in `AGENTS`."""
 MakeAgent = Callable[[Any, np.random.Generator], Any]
-"""Of a `RunConfig`, which asks this registry for names, and a generator, an `Agent`."""
+"""Makes an `Agent` of a `RunConfig`, which asks this registry for names, and a generator."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -124,4 +124,5 @@ class VectorReturn(gymnasium.vector.VectorEnv[Floats, Floats, NDArray[Any]]):
         which = slice(self._next, self._next + self.num_envs)
         self._now = self._drawn[which]
         self._next += self.num_envs
+        # An agent may write into its observation.
         return self._seen[which].copy()

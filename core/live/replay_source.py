@@ -48,8 +48,7 @@ class ReplaySource:
     ) -> None:
         """Begin as soon as somebody listens; a session that has come to `longest_us` is followed by another.
 
-        Without `loop` it ends after the last block, and its status is "lost". `physics`: of the rally, if known; the
-        built-in controller takes the racket's rubber from it.
+        Without `loop` it ends after the last block, and its status is "lost".
 
         Args:
             recording: what is played.
@@ -58,7 +57,7 @@ class ReplaySource:
             loop: whether it begins again.
             longest_us: length after which a session ends.
             clock: wall time, s.
-            physics: of the rally, if known.
+            physics: of the rally, if known; the built-in controller takes the racket's rubber from it.
 
         Raises:
             ConfigError: if the speed is not in SPEEDS.

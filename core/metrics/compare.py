@@ -86,6 +86,7 @@ def method_reference(answers: WindowAnswers, name: str) -> PixelReference:
     """Reference from the answers of a method; no answer means no ball."""
     found = answers.detected
     late_us = int(np.median((answers.end_us - answers.t_us)[found])) if found.any() else 0
+    # A window without a ball stands for the instant for which it would have had one.
     t_us = np.where(found, answers.t_us, answers.end_us - late_us)
     order = np.argsort(t_us, kind="stable")
     places = PixelTruth(t_us[order], answers.u_px[order], answers.v_px[order], answers.r_px[order], found[order])

@@ -21,6 +21,7 @@ Recorded = tuple[RecordedFlight, Array | None]
 """A flight with its bounce (time, x and y), or None."""
 
 OBSERVED_S: Final = 0.150
+"""As long as `predict` looks by default."""
 AHEAD_S: Final = (0.1, 0.2, 0.3)
 NEAR_S: Final = 0.006
 """Largest distance of a recorded point from a wanted time; the prediction is for the point's own time."""

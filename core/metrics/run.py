@@ -53,6 +53,7 @@ class WindowAnswers:
 
     def rows(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> WindowAnswers:
         """Selected rows, in the same order."""
+        # Without `detections`: they have no row for a window without a ball.
         return WindowAnswers(
             self.end_us[rows],
             self.t_us[rows],

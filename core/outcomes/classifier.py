@@ -49,7 +49,9 @@ ODD: Final = 2e-3
 CAP: Final = 9.0
 """Largest squared normalised distance per coordinate that counts against a flight (robustness)."""
 MAX_POINTS: Final = 24
+"""Most points of the way on that hypotheses are compared with; more are thinned evenly."""
 SEED: Final = 7
+"""Fixed: the same points give the same outcome."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -240,6 +242,7 @@ def possible_contacts(fit: OutgoingFit) -> list[float]:
     found = np.empty((1, FOUND))
     look_ahead(fit.row[None], fit.lift, found)
     one, cov = found[0], fit.covariance
+    # Points after a contact must not be fitted: so what the ball only may have touched counts as well.
     times = [float(one[10])] if np.isfinite(one[10]) else []
 
     def margin_m(after_s: float) -> float:

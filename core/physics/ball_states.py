@@ -22,6 +22,7 @@ MAX_STATES: Final = 200_000
 FARTHEST_M: Final = 5.0
 FASTEST_MPS: Final = 40.0
 MAX_SPIN_RADPS: Final = 1500.0
+"""Above what play has: up to 28 m/s and 956 rad/s in a public match."""
 FORM: Final = "a JSON list of ball states, each with " + ", ".join(KEYS)
 
 

@@ -112,6 +112,7 @@ def physics_profile(profile: Profile) -> PhysicsConfig:
         return PhysicsConfig(
             air=AirConfig(drag_coefficient=REAL_DRAG.value, magnus_coefficient=REAL_MAGNUS),
             table=TableImpactConfig(restitution=REAL_RESTITUTION.value, friction=REAL_FRICTION.value),
+            # An inverted rubber as a public simulator of robots has it; others have a restitution of 0.75 to 0.90.
             rubber=RubberImpactConfig(
                 restitution=0.878,
                 restitution_loss_s_per_m=0.020,

@@ -119,6 +119,7 @@ def with_constants(magnus: float, drag: float, restitution: float, friction: flo
     """
     real = physics_profile("real")
     air = replace(real.air, drag_coefficient=float(drag), magnus_coefficient=float(magnus))
+    # One restitution for all speeds is what a fit of so few bounces can tell.
     table = replace(real.table, restitution=float(restitution), restitution_loss_s_per_m=0.0, friction=float(friction))
     return replace(real, air=air, table=table)
 
@@ -262,6 +263,7 @@ def _sparsity(flights: Sequence[RecordedFlight]) -> lil_matrix:
 
 
 FEWEST = 12
+"""Points of a flight: its start alone has nine unknowns."""
 
 
 def read_flight_file(path: Path) -> tuple[RecordedFlight, PointsFile]:

@@ -36,6 +36,7 @@ def air_from_config(physics: PhysicsConfig) -> Air:
     area = math.pi * BALL_RADIUS_M**2
     volume = 4 / 3 * math.pi * BALL_RADIUS_M**3
     rho = physics.air.density_kg_per_m3
+    # The Magnus force as C_m rho V (spin x v); others write C_l rho A v^2 / 2, where C_l = 8/3 C_m r |spin| / v.
     return Air(
         drag_per_m=0.5 * rho * physics.air.drag_coefficient * area / BALL_MASS_KG,
         lift=rho * physics.air.magnus_coefficient * volume / BALL_MASS_KG,
@@ -56,7 +57,7 @@ def acceleration(
         vz: along z, m/s.
         s: state with the spin at 6 to 8, rad/s.
         drag_per_m: rho C_d A / 2m, 1/m.
-        lift: rho C_m A r / 2m: acceleration per spin and velocity across it.
+        lift: rho C_m V / m with the volume V of the ball: acceleration per spin and velocity across it.
     """
     k = drag_per_m * math.sqrt(vx * vx + vy * vy + vz * vz)
     return (
@@ -76,9 +77,10 @@ def rk4_step(s: Array, h: float, drag_per_m: float, lift: float, out: Array) -> 
         s: state, at least (9,): position, velocity, spin.
         h: step, s.
         drag_per_m: rho C_d A / 2m, 1/m.
-        lift: rho C_m A r / 2m.
+        lift: rho C_m V / m, V the volume of the ball.
         out: output, at least (6,).
     """
+    # The force depends on the velocity alone, so the place needs no stages of its own.
     vx, vy, vz = s[3], s[4], s[5]
     ax, ay, az = acceleration(vx, vy, vz, s, drag_per_m, lift)
     bx, by, bz = acceleration(vx + h / 2 * ax, vy + h / 2 * ay, vz + h / 2 * az, s, drag_per_m, lift)

@@ -57,7 +57,7 @@ def strike(
 ) -> None:
     """Change the velocity and spin of state `s` (9,) by the impact on a surface whose contact point moves with `wall`.
 
-    `normal` points from the surface to the ball. A ball that already leaves the surface is not touched.
+    A ball that already leaves the surface is not touched.
 
     Args:
         s: (9,) position, velocity and spin, changed in place: m, m/s, rad/s.

@@ -23,6 +23,7 @@ GZIP_LEVEL: Final = 1
 SHORT_BYTES: Final = CHUNK_EVENTS
 """Columns of fewer bytes are deflated by zlib: no column of a chunk of events is."""
 _ZLIB_WRAPPED: Final = 15
+"""`wbits` of zlib for a stream with header and checksum, the deflate filter of HDF5."""
 _DEFLATE_ERROR = cast("type[Exception]", isal_zlib.error)  # its type stub calls the class an instance
 
 

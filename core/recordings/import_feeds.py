@@ -232,6 +232,7 @@ def _check_sources(order: ImportOrder) -> None:
 
 def _names(paths: Sequence[Path], opened: Sequence[tuple[int, EventSource]]) -> Sequence[str]:
     """What the sources call their cameras; of files that do not say it, what the files are called."""
+    # Two files of one camera each are the usual stereo pair, whatever they are called.
     if len(paths) == len(opened) == 2:
         return ("left", "right")
     names = [source.name for _, source in opened]

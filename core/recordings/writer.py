@@ -95,8 +95,6 @@ class RecordingWriter:
     ) -> None:
         """Start a recording of the named cameras.
 
-        `time_offsets_us` holds what has to be added to a time of the recording to get the camera's own clock.
-
         Args:
             path: the file.
             cameras: size of each camera's sensor, by name.

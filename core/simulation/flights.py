@@ -283,6 +283,7 @@ def _draw_launch(config: LaunchConfig, rng: np.random.Generator, air: Air) -> Se
         state[6:9] = config.spin_spread_radps * rng.uniform(-1, 1, 3)
     bounce = np.empty(9)
     come_down(state, air, bounce)
+    # Launched from x = 0 to see where it bounces, then moved so that it bounces where it is to.
     state[0] = config.bounce_x_m - bounce[0] + shift
     return Serves(state[None, :3], state[None, 3:6], state[None, 6:9])
 

@@ -14,7 +14,7 @@ from core.config import config_to_mapping
 from core.files import replacing
 from core.physics.config import PhysicsConfig
 from core.recordings import RecordingWriter
-from core.simulation.bodies import make_actors
+from core.simulation.bodies import MovingBodies, make_actors
 from core.simulation.bodies.rally_flight import draw_flights
 from core.simulation.event_cameras.event_camera import StereoConfig, simulate_stereo
 from core.simulation.flights import BallPath, LaunchConfig
@@ -70,10 +70,6 @@ def simulate_recording(
 ) -> SimulatedRecording:
     """Write the events and the truth of some serves, one after the other. The same seed gives the same events.
 
-    The physics is that of the paper unless told otherwise. With `frames` every camera takes pictures too, which changes
-    nothing in the events. The cameras work in `threads` threads, one each unless told otherwise. `remarks` join the
-    config in the recording.
-
     Args:
         path: the file.
         config: scene and sensor.
@@ -81,8 +77,8 @@ def simulate_recording(
         serves: launches, one after the other.
         seed: of launches and noise.
         physics: None: the paper's.
-        frames: pictures that are taken too.
-        threads: of the cameras.
+        frames: pictures that every camera takes too; they change nothing in the events.
+        threads: of the cameras; None: one each.
         uuid: identity of the recording; None: a new one.
         remarks: added to its config.
         overwrite: whether a file there may be replaced.
@@ -121,19 +117,31 @@ def simulate_recording(
             pictures += write_frames(writer, track, end_us, flights)
             progress(min(1.0, end_us / wanted_us))
         # Only now: a recording that was cancelled has truth as far as it has events.
-        times_us = truth_times(flights, 0, end_us)
-        writer.write_ball(ball_truth(flights, times_us))
-        truths = 0
-        for name, camera in cameras.items():
-            truth = pixel_truth(camera, flights, times_us, bodies)
-            truths += int(truth.visible.sum())
-            writer.write_truth(name, truth)
+        truths = _write_truth(writer, cameras, flights, bodies, end_us)
         writer.extend_duration(end_us)
         write_readout(writer, readout)
         counts = {name: writer.event_count(name) for name in cameras}
     delayed = {name: counted.delayed for name, counted in readout.items()}
     dropped = {name: counted.dropped for name, counted in readout.items()}
     return SimulatedRecording(path, end_us, len(serves), counts, truths, delayed, dropped, pictures, finished)
+
+
+def _write_truth(
+    writer: RecordingWriter,
+    cameras: Mapping[str, Camera],
+    flights: BallPath,
+    bodies: MovingBodies | None,
+    end_us: int,
+) -> int:
+    """Write where the ball is, in the world and in each picture; returns how often it is visible, over all cameras."""
+    times_us = truth_times(flights, 0, end_us)
+    writer.write_ball(ball_truth(flights, times_us))
+    truths = 0
+    for name, camera in cameras.items():
+        truth = pixel_truth(camera, flights, times_us, bodies)
+        truths += int(truth.visible.sum())
+        writer.write_truth(name, truth)
+    return truths
 
 
 def frames_mapping(frames: FrameConfig | None) -> dict[str, object]:

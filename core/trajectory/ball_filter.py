@@ -146,6 +146,7 @@ def _log_odds_of_table(x: Array, cov: Array) -> float:
 
 
 FIRST_VELOCITY_MPS: Final = (-4.0, 0.0, 0.0)
+"""Towards the robot; the paper serves at 3 to 5 m/s."""
 # Wide enough for play as well: strokes of persons have 5 / 9 / 20 m/s (5 / 50 / 95 % of a public match).
 FIRST_SIGMA_MPS: Final = 10.0
 SETTLED: Final = 4
@@ -162,7 +163,7 @@ class BallFilter:
     def __init__(
         self, config: FilterConfig, t_us: int, p: Array, noise_m2: Array, *, needs_tick: bool, odds: float
     ) -> None:
-        """Begin with a point and its covariance; `odds`: of this kind of flight before anything is seen.
+        """Begin with a point and its covariance.
 
         Args:
             config: constants with their spreads.

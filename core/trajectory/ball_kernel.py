@@ -88,6 +88,7 @@ def land(s: Array, h: float, guess_s: float, lift: float, out: Array) -> float:
         out: (14,) output.
     """
     t = min(max(guess_s, 0.0), h)
+    # Newton's method on the height, which is nearly a parabola: three steps end at the rounding.
     for _ in range(3):
         glide(s, t, lift, out)
         if out[5] < -1e-9:
@@ -125,6 +126,7 @@ def fly_and_bounce(s: Array, seconds: float, lift: float) -> float:
                 bounce(after)
                 since = left - h
             else:
+                # Just below the plane, or the next step would find the same landing again.
                 after[2] = BALL_RADIUS_M + s[12] - 1e-12
         s[:] = after
         left -= h

@@ -53,6 +53,7 @@ class ProcessNoise(NamedTuple):
 def _slope(x: Array, lift: float, out: Array) -> None:
     """Write to `out` (3, 10) how the acceleration changes with position, velocity, spin and drag."""
     vx, vy, vz = x[3], x[4], x[5]
+    # Of -k |v| v + lift (spin x v); a ball at rest has no direction, hence the 1e-9.
     speed = math.sqrt(vx * vx + vy * vy + vz * vz) + 1e-9
     k = DRAG_PER_M * x[DRAG]
     wx, wy, wz = x[6], x[7], x[8]

@@ -124,6 +124,7 @@ class PaperPredictor:
         if self.stage == "pre" and 0 <= t_us - self._expected_us < 1000 * self.config.bounce_wait_ms:
             return None
         self._observations = [*self._observations, (t_us, p)][-self.config.observations :]
+        # Needed back to a bounce only, which is noticed within a few points.
         self._recent = [point for point in self._recent if point[0] > t_us - 200_000]
         missing = self.config.observations - len(self._observations)
         if missing > 0 and (self.stage == "pre" or len(self._observations) < FEWEST):

@@ -50,9 +50,7 @@ def labels_between(
 ) -> tuple[Label, ...]:
     """Labels for the unlabelled ones of some times in the segment of `keys` that holds `t_us`, or is nearest to it.
 
-    `others` are the labels of other cameras, `cameras` the calibrations of the own and of those, in this order; with
-    two or more a flight is fitted to all cameras' labels.
-    Nothing is interpolated across `breaks_us`, bounces and hits.
+    With two cameras or more a flight is fitted to all cameras' labels. Nothing is interpolated across `breaks_us`.
 
     Args:
         keys: labels of the own camera.

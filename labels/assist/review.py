@@ -63,14 +63,11 @@ def review_queue(
     a score twice, as a false ball and as a miss; where the path of the proposals has a hole, it costs it once.
     Proposals at `rejected_us` are judged.
 
-    `stereo_residual_px` (N,) is that of each label with the other camera's, nan where there is none; `frames_us` are
-    all times that are to be labelled: unchecked ones between checked ones are queued as gaps.
-
     Args:
         labels: of one camera.
         proposals: of a detector, for the same camera.
-        stereo_residual_px: (N,) of each label.
-        frames_us: (F,) all times that are to be labelled.
+        stereo_residual_px: (N,) of each label with the other camera's; nan: none.
+        frames_us: (F,) all times that are to be labelled; unchecked ones between checked ones are queued as gaps.
         rejected_us: times of proposals that a person refused.
         config: weights and limits.
     """

@@ -14,9 +14,11 @@ from core.jit import njit
 Array = NDArray[np.float64]
 UNKNOWNS: Final = 5
 ITERATIONS: Final = 8
+"""Three bring the scale of the weights down from 3 px to `SHARPNESS_PX`, the others settle."""
 SHARPNESS_PX: Final = 0.45
 """Scale of the Cauchy weight: the spread of good edge points on simulated balls."""
 PRIOR: Final = 1e-4
+"""Added to the normal matrix, which stays regular where the points leave an unknown open."""
 GUARD: Final = 1.5
 """Half windows before and after the window in which a pixel must have been quiet."""
 

@@ -308,7 +308,7 @@ def _machine() -> str:
     Host names repeat, and two containers have the same numbers for different processes.
     """
     try:
-        return f"{BOOT.read_text().strip()}:{os.stat(PROCESSES).st_ino}"
+        return f"{BOOT.read_text(encoding='ascii').strip()}:{os.stat(PROCESSES).st_ino}"
     except OSError:
         return ""
 

@@ -14,6 +14,7 @@ _SUFFIXES: Final = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", 
 
 _NO_PICTURE: Final = (OSError, ValueError, SyntaxError, Image.DecompressionBombError)
 _ORIENTATION: Final = 0x112
+"""EXIF tag of a picture's orientation."""
 _LYING: Final = (5, 6, 7, 8)
 """Orientations of EXIF by which a picture is shown with its sides exchanged: labels are of what is shown
 (cvat-ai/cvat#1059, HumanSignal/labelImg#376).

@@ -110,8 +110,8 @@ def read_track(
             t_us = context.time_of_frame(whole_number(fields[columns.time], "the frame"))
         else:
             t_us = round(now * UNITS_US[unit])
+        # A picture is scaled about its corner.
         x, y = (
-            # A picture is scaled about its corner.
             (finite(place, "a coordinate") + HALF_PIXEL) * factor - HALF_PIXEL
             for place, factor in zip(places, (across, down), strict=True)
         )

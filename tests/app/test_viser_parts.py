@@ -1,13 +1,15 @@
 """What we use of viser beside its public interface is there, and one line says so where it is not."""
 
+import asyncio
 import sys
+import threading
 from pathlib import Path
 
 import pytest
 import viser
 
 from app import viser_parts
-from app.viser_parts import PARTS, check_parts, read_page, websocket_server
+from app.viser_parts import PARTS, CrossThreadEvent, allow_threads, check_parts, read_page, websocket_server
 from core.errors import PackageError
 
 
@@ -47,3 +49,26 @@ def test_a_server_without_its_websocket_server_is_named() -> None:
 def test_the_version_that_is_named_is_the_pinned_one() -> None:
     constraints = (Path(__file__).parents[2] / "constraints.txt").read_text(encoding="utf-8").split()
     assert f"viser=={viser_parts.TESTED}" in constraints
+
+
+def test_an_event_that_another_thread_sets_wakes_nobody_there() -> None:
+    """A plain one goes through its waiters in that thread, and raises an error where one comes or goes meanwhile."""
+
+    async def wait_and_look() -> None:
+        event = CrossThreadEvent()
+        waiter = asyncio.ensure_future(event.wait())
+        await asyncio.sleep(0)
+        (future,) = event._waiters  # type: ignore[attr-defined]
+        other = threading.Thread(target=event.set)
+        other.start()
+        other.join()
+        assert event.is_set() and not future.done()
+        event.set()  # as viser does in the event loop after that
+        assert await waiter
+
+    asyncio.run(wait_and_look())
+
+
+def test_a_connection_without_its_buffer_is_named() -> None:
+    with pytest.raises(PackageError, match="message_event"):
+        allow_threads(object())

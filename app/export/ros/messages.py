@@ -105,7 +105,15 @@ class RosMessages:
         return self.store.generate_msgdef(kind, ros_version=2)[0]
 
     def events(self, time_ns: int, camera: str, size: tuple[int, int], number: int, words: NDArray[np.uint16]) -> bytes:
-        """An EventPacket of EVT3 words; `size` is width and height."""
+        """An EventPacket of EVT3 words.
+
+        Args:
+            time_ns: of the first event.
+            camera: frame of the header.
+            size: width and height, px.
+            number: of the packet.
+            words: (N,) EVT3.
+        """
         content = np.frombuffer(words.astype("<u2").tobytes(), np.uint8)
         fields = {"height": size[1], "width": size[0], "seq": number, "time_base": 0, "is_bigendian": False}
         header = self._header(time_ns, camera)
@@ -180,7 +188,14 @@ class RosMessages:
         return self._bytes(IMAGE, header=self._header(time_ns, camera), format="png", data=content)
 
     def circle(self, time_ns: int, u_px: float, v_px: float, r_px: float) -> bytes:
-        """Circle of a detected ball in a picture."""
+        """Circle of a detected ball in a picture.
+
+        Args:
+            time_ns: of the ball.
+            u_px: column, counted from the middle of the first pixel.
+            v_px: row.
+            r_px: radius.
+        """
         one = self._make(
             "foxglove_msgs/msg/CircleAnnotation",
             timestamp=self._time(time_ns),

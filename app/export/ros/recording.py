@@ -69,6 +69,7 @@ def export_rosbag(
         bag = unfinished / folder.name
         with BagFolder(bag, messages) as file:
             _write(file, streams, recording, span, progress, cancelled)
+        # The bag is written as a folder of its own name, whose files then stand in the one that appears at once.
         for name in names:
             (bag / name).rename(unfinished / name)
     return tuple(folder / name for name in names)
@@ -192,6 +193,7 @@ def _chain(
         for name, found in step.detections.items():
             if found is not None:
                 at_ns = 1000 * (found.t_us + clock)
+                # Stamped with the ball's own time, logged at the window's end, when it became known.
                 data = messages.circle(at_ns, found.u_px, found.v_px, found.r_px)
                 yield _Message(time_ns, f"/{name}/detections", ros.ANNOTATIONS, data)
         if step.before is not None:

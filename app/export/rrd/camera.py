@@ -217,7 +217,14 @@ def send_detections(
 
 
 def send_truth(stream: rr.RecordingStream, path: str, truth: PixelTruth, t_us: NDArray[np.int64]) -> None:
-    """Send the true outline at given times."""
+    """Send the true outline at given times.
+
+    Args:
+        stream: where it goes.
+        path: entity of the camera.
+        truth: of that camera.
+        t_us: (N,) times at which it is sent.
+    """
     now = truth.at(t_us)
     columns = zip(now.u_px.tolist(), now.v_px.tolist(), now.r_px.tolist(), now.visible.tolist(), strict=True)
     rows = [(u, v, r) if visible else None for u, v, r, visible in columns]
@@ -225,7 +232,14 @@ def send_truth(stream: rr.RecordingStream, path: str, truth: PixelTruth, t_us: N
 
 
 def send_labels(stream: rr.RecordingStream, path: str, labels: LabelArrays, hold_us: int) -> None:
-    """Send labels, each shown for `hold_us` from its time on."""
+    """Send labels, each shown for `hold_us` from its time on.
+
+    Args:
+        stream: where they go.
+        path: entity of the camera.
+        labels: of that camera, in order of time.
+        hold_us: how long each is shown.
+    """
     placed = labels.rows(labels.seen & np.isfinite(labels.x_px))
     if not len(placed.t_us):
         return

@@ -67,7 +67,14 @@ def send(stream: rr.RecordingStream, path: str, times: rr.TimeColumn, columns: r
 
 
 def send_scalars(stream: rr.RecordingStream, path: str, t_us: ArrayLike, values: ArrayLike) -> None:
-    """A curve; rows that are not finite become a gap."""
+    """A curve; rows that are not finite become a gap.
+
+    Args:
+        stream: where it goes.
+        path: entity of the curve.
+        t_us: (N,) times.
+        values: (N,) heights.
+    """
     t, y = np.asarray(t_us, np.int64), np.asarray(values, np.float64)
     if len(t):
         known = np.isfinite(y)

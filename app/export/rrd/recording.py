@@ -66,6 +66,7 @@ def export_rrd(
         CommandError: if the file exists and `overwrite` is not set, or it cannot be written.
         ExportCancelledError: if `cancelled()` is true; there is no file then.
     """
+    # The same part again gives the same identity: the viewer replaces it.
     name = f"{recording.uuid}-{span.start_us}-{span.end_us}"
     blueprint = blueprint_of(recording, contents, groups)
     with rerun_file(path, blueprint, recording_id=name, overwrite=overwrite, cancelled=cancelled) as stream:
@@ -185,6 +186,7 @@ class RallyWriter:
         times = [step.end_us for step in steps]
         if is_stereo(recording):
             chains = [step.chain for step in steps if step.chain is not None]
+            # Of two cameras, both place the ball, always.
             rrd_rally.send_ball(stream, times, [one.point for one in chains], cameras=len(recording.cameras) > 2)
             ticks = [step for step in steps if step.before is not None]
             predictions = [None if one.chain is None else one.chain.prediction for one in ticks]

@@ -54,6 +54,7 @@ def export_run(
     config = read_run(run)
     found = (folder.name.removeprefix("seed-") for folder in run.glob("seed-*"))
     played = {}
+    # As numbers: seed 10 stands after seed 9.
     for seed in sorted(int(name) for name in found if name.isdecimal()):
         files = seed_files(run, seed)
         lines = read_lines(files.metrics)[0]

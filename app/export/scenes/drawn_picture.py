@@ -64,6 +64,7 @@ def export_mp4(
     with unfinished_file(path, overwrite=overwrite) as unfinished:
         size = (SIZE.width_px, SIZE.height_px)
         frames = 0
+        # 18: visually lossless in x264, so that thin lines keep their colours.
         with faery.mp4.Encoder(unfinished, size, FRAMES_PER_S, 18.0, "veryfast", "none", "high") as encoder:
             for moment in moments:
                 encoder.write(_compose(drawing, recording, moment))
@@ -91,6 +92,7 @@ def export_png(
         CommandError: if the file exists and `overwrite` is not set, or it cannot be written.
         ExportCancelledError: if `cancelled()` is true; there is no file then.
     """
+    # Trail and prediction need the flight before the moment.
     before = Span(max(0, span.end_us - WARM_UP_US), span.end_us)
     last: SceneMoment | None = None
     for moment in scene_moments(recording, before, chain, 1, groups, progress, cancelled):

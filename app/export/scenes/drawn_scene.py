@@ -90,6 +90,7 @@ class SceneDrawing:
                 self._ring((*picture.landing_target[:2].tolist(), 0.0), radius_m, TARGET_RGB)
         if picture.ball is not None:
             self._shadow(picture.ball)
+        # Painted from back to front: a ball on the other side is behind the net.
         far = picture.ball is not None and picture.ball[0] * self._camera.position_world_m[0] < 0
         if not far:
             self._draw_net()

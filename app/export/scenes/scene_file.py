@@ -76,6 +76,7 @@ def scene_moments(
     bodies = recorded_bodies(recording)
     player = Player(RallyChain(cameras, chain), BuiltInController())
     window_us = window_length_us(chain)
+    # The chain takes every window in between: it remembers.
     every = max(1, round(stride_us / window_us))
     side_by_side = windows_side_by_side(recording.cameras, span.start_us, span.end_us, window_us)
     for number, windows in enumerate(side_by_side, start=1):

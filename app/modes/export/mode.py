@@ -284,6 +284,7 @@ class ExportMode:
             height_px=view.height_px,
         )
         times_us = (self._now_us,) if plan.format == VIEW_PICTURE else film.times_us()
+        # A live view cannot stand still: its moments are kept before.
         paused = state.playhead.playing and not state.playhead.live
         shots.begin()
 

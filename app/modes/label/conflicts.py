@@ -110,6 +110,7 @@ def _mean(one: Label, other: Label) -> Label | None:
         return None
     assert one.x_px is not None and one.y_px is not None and other.x_px is not None and other.y_px is not None
     radii = [r_px for r_px in (one.r_px, other.r_px) if r_px is not None]
+    # Halved before they are added: the sum of two finite numbers of a stranger's store may not be finite.
     return replace(
         one,
         x_px=one.x_px / 2 + other.x_px / 2,

@@ -219,6 +219,7 @@ class LabelEditor:
             return
         t_us, source = shown.t_us, now.source
         picture, draft = now.at(t_us, now.arrived_s).picture_to_label(time.monotonic()), draft_at(now, t_us)
+        # A drawn circle is what the person sees: it is not moved.
         snaps = now.view.snap and source.stream is not None and r_px is None
         unfit: list[UnfitClick] = []
 

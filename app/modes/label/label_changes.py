@@ -78,6 +78,14 @@ def label_from_click(
 
     A draft beside which was clicked has proposed something else: nothing of it is taken. Of a ball whose radius nobody
     has given yet, it is not known; `PlaceBall` asks for it before anything is stored.
+
+    Args:
+        x_px: column, counted from the middle of the first pixel.
+        y_px: row.
+        shown_picture: time, window and rendering that were looked at.
+        before: the label that is there; None: none.
+        draft: what is proposed there; None: nothing.
+        r_px: radius of a drawn circle.
     """
     known = before if before is not None and before.x_px is not None else None
     if draft is not None and not _means(x_px, y_px, draft):
@@ -124,14 +132,29 @@ def accepted(draft: ProposedLabel, shown_picture: ShownPicture) -> Label:
 
 
 def moved(label: Label, dx_px: float, dy_px: float, shown_picture: ShownPicture) -> Label | None:
-    """The label a little further; None without a position."""
+    """The label a little further; None without a position.
+
+    Args:
+        label: what is moved.
+        dx_px: to the right.
+        dy_px: down.
+        shown_picture: time, window and rendering that were looked at.
+    """
     if label.x_px is None or label.y_px is None:
         return None
     return placed(label, label.x_px + dx_px, label.y_px + dy_px, label.r_px, shown_picture)
 
 
 def placed(label: Label, x_px: float, y_px: float, r_px: float | None, shown_picture: ShownPicture) -> Label:
-    """The label with other numbers, set by hand."""
+    """The label with other numbers, set by hand.
+
+    Args:
+        label: what is changed.
+        x_px: column, counted from the middle of the first pixel.
+        y_px: row.
+        r_px: radius; None: not known.
+        shown_picture: time, window and rendering that were looked at.
+    """
     source, detector = _source_by_hand(x_px, y_px, label, None)
     moved_centre = (x_px, y_px) != (label.x_px, label.y_px)
     state = LabelState.VISIBLE if label.state is LabelState.NO_BALL else label.state

@@ -111,6 +111,7 @@ def zip_label_files(request: LabelFilesRequest, path: Path, progress: Progress, 
 
     with (
         unfinished_file(path, overwrite=False) as unfinished,
+        # Beside the result: /tmp may be too small for pictures.
         tempfile.TemporaryDirectory(dir=unfinished.parent) as folder,
     ):
         root = Path(folder) / path.stem
@@ -145,6 +146,7 @@ def write_frames(
         frame = source.frame_at(label.t_us)
         assert frame is not None
         image = source.frame(frame)
+        # Recordings hold RGB, OpenCV takes BGR.
         fine, content = cv2.imencode(".png", image if image.ndim == 2 else image[:, :, ::-1])
         assert fine
         files.append(write_bytes(folder / f"{picture_name(source.name, label.t_us)}.png", content.tobytes()))

@@ -43,8 +43,13 @@ class SideLayout:
 def choose_side_layout(pictures: int, side_ratio: float, base_px: float, aspect: float) -> SideLayout:
     """The layout that leaves the large picture largest in a middle of this width over height.
 
-    `side_ratio` is height over width of a small picture, `base_px` the height of the large picture with the line
-    and the strip below it. The small ones take what the large one cannot use, and no less than `LEAST_WIDTH_PX` each.
+    The small ones take what the large one cannot use, and no less than `LEAST_WIDTH_PX` each.
+
+    Args:
+        pictures: number of small ones.
+        side_ratio: height over width of a small one.
+        base_px: height of the large one with its line and strip.
+        aspect: width over height of the middle.
     """
     rows_below, beside = _below(pictures, side_ratio, base_px, aspect), _beside(pictures, side_ratio, base_px, aspect)
     height_below = base_px + -(-pictures // rows_below.columns) * (rows_below.width_px * side_ratio + GAP_PX)

@@ -85,6 +85,7 @@ def plan_at(scene: LabelScene, t_us: int, centre: Point) -> PicturePlan:
     mine = now.here.labels.get(t_us)
     theirs = None if compared is None else compared.theirs_beside(t_us, mine)
     own, lines = _work_marks(now, t_us, view.camera), _lines(now, t_us)
+    # Where two annotators are compared, theirs replaces what is worked on: both at once hide the ball.
     legend: tuple[tuple[str, PaletteIndex], ...] = ()
     if compared is not None and theirs is not None:
         own = pair_marks(mine, theirs)

@@ -138,6 +138,7 @@ class LabelResults:
         chosen, pictures, source = self._panel.format, self._panel.pictures, now.source
 
         def work(path: Path, progress: Progress, cancelled: Cancelled) -> tuple[Path, ...]:
+            # The file is read from the store, not from the screen.
             _wait_until_saved(editor)
             if chosen == STORE:
                 self._made = copy_label_store(folder, layer.recording_uuid, path)

@@ -277,6 +277,7 @@ def accept_all(editor: LabelEditor) -> None:
     if own is not None and not _in_sight(editor, own):
         return
     picture, snap = now.judged_picture(time.monotonic()), now.view.snap
+    # The time that was spent is counted once, for the camera that was looked at.
     elsewhere = replace(picture, time_spent_ms=0)
 
     def change_of(name: str, draft: ProposedLabel) -> Change:

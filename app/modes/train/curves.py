@@ -104,7 +104,14 @@ def with_borders(axis: Array, borders: Array) -> Array:
 
 
 def border_lines(axis: Array, borders: Array, low: float, high: float) -> Array:
-    """(A,) curve of upright lines from `low` to `high` at the borders of an axis of `with_borders`; NaN elsewhere."""
+    """(A,) curve of upright lines from `low` to `high` at the borders of an axis of `with_borders`; NaN elsewhere.
+
+    Args:
+        axis: (A,) x values, ascending.
+        borders: (B,) x values of the lines.
+        low: lower end of each.
+        high: upper end.
+    """
     line = np.full(len(axis), np.nan)
     first = np.searchsorted(axis, borders)
     line[first], line[first + 1] = low, high

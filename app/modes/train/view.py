@@ -197,6 +197,7 @@ def make_details(
     `planned` is how many episodes the run is to have; what others did after as many is not drawn.
     `finished`: no seed goes on.
     """
+    # The largest number: seeds begin in order.
     seed, newest = max(metrics.items())
     recent = newest.recent
     goal = recent[-1].get("goal_m") if recent else None

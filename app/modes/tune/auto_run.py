@@ -201,6 +201,7 @@ def run_auto_tune(
 
         def hear(line: str) -> None:
             nonlocal answer
+            # The verb prints its answer as one line of JSON, and its progress as text.
             if line.startswith("{"):
                 answer = line
             elif (share := share_in(line)) is not None:
@@ -213,6 +214,7 @@ def run_auto_tune(
                 child.stop()
                 raise AutoTuneCancelledError
         code = child.wait()
+        # Bad input by the contract of the command line, with a line that is meant for people.
         if code == 2:
             raise RallyscopeError(child.last_words.removeprefix("rallyscope: "))
         if code != 0:

@@ -144,6 +144,7 @@ def run_comparison(
     if end_us <= request.start_us:
         raise CommandError("no events in this part of the recording", remedy="move the cursor, or compare all of it")
     if request.live:
+        # The ring forgets: a run takes longer than what it remembers.
         stream = freeze_camera(stream, request.start_us - LEAD_IN_US, end_us)
     against: PixelReference | Method | None = request.agree_with
     if against is None:

@@ -70,6 +70,7 @@ def score_with_labels(
         ScoreCancelled: when `cancelled()` becomes true.
     """
     labels = reference.labels()
+    # No detector can be right or wrong about a ball that nobody sees.
     asked = labels.rows(labels.state != STATES.index(LabelState.OCCLUDED))
 
     def report(share: float) -> None:

@@ -104,6 +104,7 @@ class TuneMode:
 
     def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
         """Update the controls from the state, and request its picture."""
+        # A live recording grows in every turn, which changes no control.
         if (shown := state.without_growth()) != self._shown:
             self._shown = shown
             with self._host.client.atomic():

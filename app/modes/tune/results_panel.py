@@ -279,6 +279,7 @@ def residuals_html(noun: str, label: int, residuals: Residuals) -> str:
     It stays beside the rows while they scroll: below them it was out of sight in a window of 720 px.
     """
     width, height = PLOT_PX
+    # Every dot is an element of the page: more slow the browser down and cover each other.
     every = max(1, len(residuals.angle_rad) // PLOTTED)
     x = (residuals.angle_rad[::every] / (2 * np.pi) + 0.5) * width
     y = (0.5 - np.clip(residuals.residual_px[::every] / PLOT_SPAN_PX, -1, 1) / 2) * height

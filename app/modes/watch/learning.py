@@ -143,6 +143,7 @@ class LearningPanel:
         numbers = columns[0]
         scales = {
             "x": uplot.Scale(time=False, auto=False, range=(float(numbers[0]) - 1, float(max(20.0, numbers[-1])))),
+            # 3 is uPlot's logarithmic axis.
             "y": uplot.Scale(auto=False, distr=3, range=RANGE_MM),
         }
         if self._chart is not None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Collection
 from typing import Final
 
@@ -105,7 +104,7 @@ def moment_html(
     elif moment.outcomes:
         rows += [("Last stroke, as seen", _last(moment.outcomes)), ("Strokes, as seen", _balls(moment.outcomes))]
     if followed < 1:
-        rows.append(("Followed", muted(f"has processed {percent(followed)} of the recording")))
+        rows.append(("Followed", muted(f"{percent(followed)} of the recording so far")))
     return figures_html([row for row in rows if row[1] != "-" or row[0] in CHANGING])
 
 
@@ -216,13 +215,15 @@ def _last(outcomes: tuple[Outcome, ...]) -> str:
     if not outcomes:
         return "-"
     last = outcomes[-1]
+    if not last.followed:
+        return muted("served before the chain followed: not counted")
     where = f", {last.spot.x_m:.2f} / {last.spot.y_m:+.2f} m" if math.isfinite(last.spot.x_m) else ""
     return f"<span style='color:rgb{CASE_RGB[last.spot.case]}'>{CASE_NAMES[last.spot.case]}</span>{where}"
 
 
 def _balls(outcomes: tuple[Outcome, ...]) -> str:
-    if not outcomes:
+    cases = [outcome.spot.case for outcome in outcomes if outcome.followed]
+    if not cases:
         return "-"
-    counts = Counter(outcome.spot.case for outcome in outcomes)
-    returned = counts[Case.RETURNED]
-    return f"{returned} of {len(outcomes)} returned ({percent(returned / len(outcomes))})"
+    returned = cases.count(Case.RETURNED)
+    return f"{returned} of {len(cases)} returned ({percent(returned / len(cases))})"

@@ -22,6 +22,7 @@
       <div class="end"><button type="button" data-do="cancel">Cancel</button><button type="button" data-do="import" class="main">Import</button></div>
     </div>
     <p class="more"></p>
+    <p class="samples"></p>
     <div class="busy" role="status" hidden>
       <span></span><progress max="1" aria-label="Progress"></progress><button type="button" data-do="cancel">Cancel</button>
     </div>
@@ -74,7 +75,7 @@
     find(".more").textContent = !files.length ? "There are no event files or recordings in the server's folders."
       : !fitting.length ? "None is called so." : leftOut ? `${leftOut} more are not listed.` : "";
   };
-  rallyscope.handlers.files = (message) => { files = message.files; leftOut = message.left_out; showList(); };
+  rallyscope.handlers.files = (message) => { files = message.files; leftOut = message.left_out; find(".samples").textContent = message.samples; showList(); };
   search.addEventListener("input", showList);
   list.addEventListener("keydown", (event) => {
     const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];

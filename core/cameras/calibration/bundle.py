@@ -41,6 +41,7 @@ LEAD_SIGMA_PX: Final = 5.0
 BLOCK_US: Final = 100_000
 """Errors of detections within so long a time go together; standard deviations take them as one."""
 OUTLIER_SIGMAS: Final = 4.0
+"""One sighting of 16,000 is farther off by normal noise."""
 WORST_PX: Final = 5.0
 """Noise above which the cameras cannot have seen one thing: detectors have 0.3 to 2 px."""
 BODY_ROUNDS: Final = 2

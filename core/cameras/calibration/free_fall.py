@@ -75,6 +75,7 @@ def measure_gravity(
     scale = 1.0
     pull = np.zeros(3)
     covariance = np.eye(3)
+    # The braking in units depends on the scale, and the scale on what is left of the pull without it.
     for _ in range(ROUNDS):
         pull, covariance, velocities = _common_pull(t_us, ps, information, arcs, braking)
         scale = gravity_mps2 / float(np.linalg.norm(pull))

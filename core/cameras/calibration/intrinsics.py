@@ -202,6 +202,7 @@ class _Fitted:
 
 
 def _fit(views: Sequence[BoardView], board: Board, sensor: SensorSize, coefficients: int) -> _Fitted:
+    # Coefficients that are not asked for stay 0: those that few pictures leave open would take any value.
     flags = 0
     flags |= cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 if coefficients < 2 else 0
     flags |= cv2.CALIB_ZERO_TANGENT_DIST if coefficients < 4 else 0

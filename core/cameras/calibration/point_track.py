@@ -62,6 +62,7 @@ def clean_track(track: PointTrack) -> PointTrack:
     whole &= (track.marker[near] == track.marker[near[:, :1]]).all(axis=1)
     ms = 1e-3 * t[whole]
     design = np.stack([np.ones_like(ms), ms, ms * ms], axis=2)
+    # The constant term: times count from the sighting that is judged.
     expected = (np.linalg.pinv(design) @ track.uvs_px[near[whole]])[:, 0]
     rows = np.flatnonzero(whole) + 2
     off = np.linalg.norm(track.uvs_px[rows] - expected, axis=1)

@@ -102,7 +102,7 @@ def reasons_without_ball(
 
     The nearest one is a track that was fitted but given up; else a fitted one that lacks something to be a ball, the
     one that lacks least; else the refused fit with the fewest failed limits, and of these the most edge points; else a
-    refused first estimate; else there was nothing to fit. `blobs` is how many there are, or why there is none.
+    refused first estimate; else there was nothing to fit.
 
     Args:
         end_us: end of the window.

@@ -24,6 +24,7 @@ from core.detection.refined.patch import (
 from core.jit import njit
 
 SECTORS: Final = 16
+"""Sectors of the circle, 22.5 degrees each: half of them before the ball's middle, half behind it."""
 FEWEST_POINTS: Final = 6
 """Fewest edge points that are fitted: as many as there are unknowns."""
 FEWEST_EVENTS: Final = 12
@@ -37,6 +38,7 @@ SIGMA_PX: Final = 0.4
 JITTER_MS: Final = 0.04
 """Time jitter of an event, ms: a fast edge spreads more."""
 ITERATIONS: Final = 8
+"""Most steps of a fit; it ends before, when nothing moves any more."""
 
 
 class Work(NamedTuple):

@@ -35,6 +35,7 @@ from core.detection.refined_config import RefinedConfig
 from core.events import SensorSize, Window
 
 USUAL_RESIDUAL_PX: Final = 0.15
+"""Residual at which the covariance is `USUAL` times the fit's own; it grows with the third power of the residual."""
 USUAL: Final = 0.5
 """Share of the fit's own variance that is usual: points are better than their spread says, but err alike."""
 SHADE: Final = (0.004, 0.01)
@@ -243,6 +244,7 @@ class RefinedDetector:
         spreads = (loose, 0.15 * loose, 0.15 * loose, 0.5 * loose)
         if self._refit("track", track, expected, spreads, end_us, self._reach, BAND_PX + 0.3 * unseen_ms):
             return
+        # A fit that failed once is no bounce.
         if not track.confirmed or unseen_ms < 1.5:
             return
         was = track.ball

@@ -21,6 +21,7 @@ CELL_BITS: Final = 2
 """A cell is 4 x 4 pixels."""
 CELL_PX: Final = 1 << CELL_BITS
 MAX_BLOBS: Final = 64
+"""Most blobs of a window; later ones are ignored."""
 LONG_AGO_US: Final = -(1 << 60)
 
 

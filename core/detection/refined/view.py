@@ -40,7 +40,7 @@ ROLES: Final = {"examined": "accepted", "tracked": "region", "waiting": "waiting
 
 
 def view_of(trace: RefinedTrace, window: Window, reasons: tuple[Reason, ...], residual_px: float) -> MethodTrace:
-    """Everything that is shown of a trace; `residual_px` is the limit of a fit's residual.
+    """Everything that is shown of a trace.
 
     Args:
         trace: of one window.

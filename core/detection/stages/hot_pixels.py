@@ -43,6 +43,7 @@ class HotPixelMemory:
     def blank(sensor: SensorSize) -> HotPixelMemory:
         """Empty state."""
         shape = (sensor.height_px, sensor.width_px)
+        # Long ago, but not so long that a difference to it would overflow.
         return HotPixelMemory(np.full(shape, np.iinfo(np.int32).min, np.int64), np.zeros(shape, np.int32))
 
     def copy(self) -> HotPixelMemory:

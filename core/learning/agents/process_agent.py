@@ -167,6 +167,7 @@ MAX_BALLS: Final = 400
 FEATURE_SCALE: Final = 0.3
 """Standard deviation of the features' weights (choice, as all here on seeds 100 to 104): wide, so smooth."""
 RIDGE: Final = 1e-6
+"""Keeps the normal equations regular where two features are alike."""
 SITUATIONS: Final = 1200
 """Number of situations for which strokes are solved."""
 BEYOND: Final = 0.2

@@ -140,7 +140,9 @@ NEAR_M: Final = 0.01
 DAMPING: Final = 300.0
 """Damping of a step's change of the actions, so that the actor averages over many steps."""
 RIDGE: Final = 1e-6
+"""Keeps the normal equations regular."""
 SLOPE_STEP: Final = 1e-4
+"""Step of the finite differences of actions, which are in [-1, 1]."""
 
 
 class ReflectionAgent:

@@ -138,6 +138,7 @@ SHARES: Final = (0.7, 0.1, 0.2)
 BLOCK: Final = 50
 """Flights that follow one another in a file and stay together."""
 SPLIT_SEED: Final = 20260407
+"""Fixed: no run tests on balls that another one has learned from."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -315,7 +316,7 @@ def play(batch: ServeBatch, actions: Array, config: EnvironmentConfig) -> Outcom
 
 
 def check_actions(actions: NDArray[np.floating], size: int, who: str, episode: int = 0) -> Array:
-    """Actions (N, size) as float64; `episode` is that of the first.
+    """Actions (N, size) as float64.
 
     Args:
         actions: (N, A) or (A,).

@@ -29,7 +29,7 @@ def reward_weights(episode: int, config: RewardConfig) -> Weights:
 def episode_rewards(
     outcomes: Outcomes, goals_m: Array, weights: Weights, config: RewardConfig, *, where: str = ""
 ) -> Array:
-    """Reward (N,) of outcomes for goals (N, 2); `where` tells of which episode, in messages.
+    """Reward (N,) of outcomes for goals (N, 2).
 
     Args:
         outcomes: of N balls.

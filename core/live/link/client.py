@@ -27,8 +27,9 @@ SILENT_S: Final = 60.0
 """Longest silence of a listening server during the handshake: it may be starting on a slow machine."""
 EVERYTHING: Final = b""
 """All topics."""
-STATE: Final = b"state"
-"""Topic of the message that ends a block."""
+SUBSCRIBE: Final = b"\x01"
+UNSUBSCRIBE: Final = b"\x00"
+"""First byte of what a subscriber sends, before the topic."""
 HELLO_S: Final = 3.0
 """Longest wait for an answer to one handshake: where no server is, that is to be known soon, however patient one is."""
 ASK_AGAIN_S: Final = 0.2
@@ -267,7 +268,8 @@ class SimulationClient:
             self._socket = None
 
     def _receive(self) -> None:
-        socket = self._context.socket(zmq.SUB)
+        # XSUB, not SUB, which would drop what was under way when a topic was given up.
+        socket = self._context.socket(zmq.XSUB)
         socket.setsockopt(zmq.LINGER, 0)
         socket.setsockopt(zmq.RCVHWM, 1000)
         socket.setsockopt(zmq.MAXMSGSIZE, m.MESSAGE_BYTES)
@@ -275,20 +277,17 @@ class SimulationClient:
         secure(socket, self._keys)
         socket.connect(self.address)
         subscribed: bytes | None = None
-        within_block = False
         try:
             while not self._stop.is_set():
                 topic = EVERYTHING if self._listening else m.ALIVE
-                if topic != subscribed and not within_block:  # else the rest of the block would be lost
-                    socket.subscribe(topic)
+                if topic != subscribed:
+                    socket.send(SUBSCRIBE + topic)
                     if subscribed is not None:
-                        socket.unsubscribe(subscribed)
-                    subscribed, self._last_seq = topic, 0  # messages of other topics do not count as lost
+                        socket.send(UNSUBSCRIBE + subscribed)
+                    subscribed = topic
                 if not socket.poll(100):
-                    within_block = False
                     continue
                 parts = socket.recv_multipart()
-                within_block = parts[0] not in (m.ALIVE, STATE)
                 try:
                     self._dispatch(m.decode(parts[-1], m.KINDS), only_alive=parts[0] == m.ALIVE)
                 except LinkError as error:
@@ -312,9 +311,11 @@ class SimulationClient:
             if fresh:
                 self.welcome, self._last_seq = welcome, 0
                 self._listeners.on_session(welcome)
+            if only_alive and not self._listening:
+                self._last_seq = 0  # who hears only signs of life misses the numbers between them
             if self._last_seq:
                 self.lost_messages += max(0, message.seq - self._last_seq - 1)
-            if self._last_seq or not only_alive:  # who hears only signs of life misses the numbers between them
+            if self._last_seq or not only_alive:
                 self._last_seq = message.seq
             if isinstance(message, m.EventBatch):
                 self._listeners.on_events(message)

@@ -11,6 +11,7 @@ import logging
 import threading
 import time
 import uuid
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Final
@@ -169,7 +170,8 @@ class SimulationServer:
         self._gateway = LinkGateway(self._context, keys)
         self.rejected = 0
         """Number of invalid commands."""
-        self._topics: set[bytes] = set()
+        self._topics: Counter[bytes] = Counter()
+        """Topic -> how many subscribers want it."""
         self._commanded_s = float("-inf")
         self._speed, self._paused, self._steps = 1.0, False, 0
         self._noise_hz = config.world.stereo.sensor.noise_hz
@@ -191,7 +193,7 @@ class SimulationServer:
     @property
     def attended(self) -> bool:
         """Whether there is a subscriber or a recent command."""
-        return bool(self._topics - {m.ALIVE}) or self._clock() - self._commanded_s < COMMANDED_S
+        return bool(self._topics.keys() - {m.ALIVE}) or self._clock() - self._commanded_s < COMMANDED_S
 
     def prepare(self) -> None:
         """Compile all that a rally needs, if this machine has not done so before."""
@@ -222,6 +224,7 @@ class SimulationServer:
         problem: zmq.ZMQError | None = None
         for _ in range(1 if port else TRIES):
             self._published, self._commands = self._context.socket(zmq.XPUB), self._context.socket(zmq.ROUTER)
+            self._published.setsockopt(zmq.XPUB_MANUAL, 1)
             self._published.setsockopt(zmq.SNDHWM, self._config.queue_messages)
             self._commands.setsockopt(zmq.MAXMSGSIZE, 16 * m.COMMAND_BYTES)  # limit of a message's size
             self._commands.setsockopt(zmq.RCVHWM, 1000)
@@ -309,12 +312,13 @@ class SimulationServer:
             self._anchor()
 
     def _hear_of_subscribers(self) -> None:
+        """Take subscriptions and their ends; between two blocks only, so that the last one of who leaves is whole."""
         while self._published.poll(0):
-            wanted = self._published.recv()  # a subscription or its end
-            if wanted[:1] == b"\x01":
-                self._topics.add(wanted[1:])
-            else:
-                self._topics.discard(wanted[1:])
+            wanted = self._published.recv()
+            topic, ends = wanted[1:], wanted[:1] == b"\x00"
+            self._published.setsockopt(zmq.UNSUBSCRIBE if ends else zmq.SUBSCRIBE, topic)
+            self._topics[topic] += -1 if ends else 1
+        self._topics = +self._topics  # without those that nobody wants
 
     def _serve_by_itself(self) -> None:
         if self._world.ball_is_visible:

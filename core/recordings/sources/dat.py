@@ -21,6 +21,7 @@ from core.recordings.sources.prophesee_header import note_two_sizes, read_prophe
 from core.recordings.sources.source import Columns, DecodeReport, EventSource, Whence
 
 _EVENTS_OF_CHANGE: Final = (0x00, 0x0C)
+"""Types of the events of a DVS: 2D, and CD."""
 _EVENT_BYTES: Final = 8
 _BLOCK_EVENTS: Final = 1 << 17
 _CLOCK_US: Final = 1 << 32
@@ -77,6 +78,7 @@ def _is_version_1(path: Path, start: int, version: int | None) -> bool:
 
 
 def _decode(path: Path, start: int, report: DecodeReport, *, old: bool) -> Iterator[Columns]:
+    # Version 1 has 9 bits of column, 8 of row and the polarity in bit 17; version 2 has 14, 14 and bit 28.
     columns, rows, polarity = ((0, 0x1FF), (9, 0xFF), 17) if old else ((0, 0x3FFF), (14, 0x3FFF), 28)
     end = path.stat().st_size
     done, padding = start, 0

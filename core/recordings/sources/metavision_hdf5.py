@@ -31,6 +31,7 @@ from core.recordings.sources.values.stated_sizes import size_in_attributes
 from core.recordings.sources.values.table_values import find_meaning, survey
 
 _ECF_FILTER: Final = 0x8ECF
+"""Prophesee's filter in HDF5, number 36559; h5py has no decoder for it, `ecf` has."""
 _ROWS: Final = 1 << 18
 
 

@@ -110,6 +110,7 @@ def _draw_leg(
         launch = Serves(p[None], v[None], np.zeros((1, 3)))
         leg = serve_flight(launch, 0.0, physics, exit_x_m=exit_x_m)
         assert isinstance(leg, ParabolicPath)
+        # The last time before the end: the end itself is no longer of the leg.
         met = leg.at([np.nextafter(leg.end_s, 0.0)]).p_world_m[0]
         bounced = len(leg.start_s) == 2 and leg.p_world_m[1, 0] < 0 and leg.p_world_m[1, 2] < 1.1 * BALL_RADIUS_M
         if (

@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 _UP = (0.0, 0.0, 1.0)
 _STILL = (0.0, 0.0, 0.0)
 MAX_BOUNCES = 8
+"""Every ball is judged before; it ends one that rounding keeps on the table."""
 
 
 class Incoming(IntEnum):

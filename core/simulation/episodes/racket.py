@@ -124,12 +124,14 @@ def _push(
     p: Array, v: Array, goal: Array, v_goal: Array, left: float, h: float, config: RacketConfig
 ) -> tuple[Array, Array]:
     """Position and velocity after `h` on the cubic that is at `goal` with `v_goal` after `left` >= h seconds."""
+    # p + v t + a t^2 / 2 + jerk t^3 / 6 with the wanted place and velocity at the end.
     a = 6 * (goal - p) / left**2 - (4 * v + 2 * v_goal) / left
     jerk = (-12 * (goal - p) / left + 6 * (v + v_goal)) / left**2
     v_end = v + a * h + jerk * h * h / 2
     hardest = max(_length(a), _length(a + jerk * h))
     if hardest <= config.max_acceleration_mps2 and _length(v_end) <= config.max_speed_mps:
         return p + v * h + a * h * h / 2 + jerk * h**3 / 6, v_end
+    # Beyond its limits the racket does what it can: the same direction, not as hard.
     a = _limited(a + jerk * h / 2, config.max_acceleration_mps2)
     v_end = _limited(v + a * h, max(config.max_speed_mps, _length(v) - config.max_acceleration_mps2 * h))
     return p + (v + v_end) * h / 2, v_end

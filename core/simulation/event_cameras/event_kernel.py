@@ -103,7 +103,7 @@ def light_row(view, moving, part, count, row):
 
 @njit(error_model="numpy")
 def _light_ball(view, ball, count, row):
-    """See `ball_cover`."""
+    """See `ball_cover`; the numbers of `view` and `ball` are named at VIEW_NUMBERS and BALL_COLUMNS there."""
     radius2, edge = BALL_RADIUS_M * BALL_RADIUS_M, ball[4]
     for index in range(count):
         x, y, length2 = row[X + index], row[Y + index], row[LENGTH2 + index]
@@ -140,6 +140,7 @@ def _light_shadow(view, ball, count, row):
         reach = BALL_RADIUS_M + 0.5 * width
         gap2 = sx * sx + sy * sy + sz * sz - toward * toward
         cover = smooth_step_in_lanes((BALL_RADIUS_M - math.sqrt(gap2 if gap2 > 0.0 else 0.0)) / width + 0.5)
+        # So far from the ball it hides only a part of the light: the ratio of the two discs.
         hidden = 2.0 * BALL_RADIUS_M / lights
         hidden = hidden if lights > 2.0 * BALL_RADIUS_M else 1.0
         darkness = ball[12] * cover * hidden * hidden

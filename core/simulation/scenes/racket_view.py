@@ -84,6 +84,7 @@ def _shading_rows(lens, body, ps, normals, rows):
             )
             row[10 + axis] = row[axis] - 0.5 * thickness * row[3 + axis]
         row[7] = edge_px / (focal / max(abs(row[12]), 1e-3))
+        # Tangent to a sphere round body and edge: rays that miss it need no closer look.
         distance2 = row[10] * row[10] + row[11] * row[11] + row[12] * row[12]
         row[13] = distance2 - (math.hypot(radius, 0.5 * thickness) + row[7]) ** 2
 

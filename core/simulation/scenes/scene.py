@@ -49,7 +49,7 @@ class SceneConfig:
     edge_px: float = setting(1.6, 0.5, 6.0)
     """Width of an edge in the picture: the lens and the pixel's own area together."""
     flicker: float = setting(0.0, 0.0, 0.5)
-    """How far all light swings round its mean; lamps on the mains 0.05 to 0.5, those with a good ballast none. Every
+    """Depth of flicker of all light, relative to its mean; lamps on the mains 0.05 to 0.5, with a good ballast 0. Every
     pixel works then: more than a hundred times slower."""
     flicker_hz: float = setting(100.0, 1.0, 1000.0)
     """Twice the mains frequency."""

@@ -112,7 +112,7 @@ def pixel_light(seen, view, moving):
 
 @njit(error_model="numpy")
 def racket_cover(racket, x, y, depth_m):
-    """The racket in a pixel whose static picture is `depth_m` away."""
+    """The racket in a pixel whose static picture is `depth_m` away; its numbers are named at RACKET_COLUMNS."""
     gap, where = racket_gap(racket, x, y)
     cover = smooth_step(0.5 - gap / racket[7])
     return Fragment(0.0 if where >= depth_m else cover, racket[6], where)
@@ -136,7 +136,7 @@ def _with_racket(seen, view, light, racket, ball):
 
 @njit(error_model="numpy")
 def ball_cover(view, ball, x, y, depth_m):
-    """The ball in a pixel whose static picture is `depth_m` away."""
+    """The ball in a pixel whose static picture is `depth_m` away; numbers as at VIEW_NUMBERS and BALL_COLUMNS."""
     length2 = x * x + y * y + 1.0
     along = x * ball[0] + y * ball[1] + ball[2]
     if along <= 0.0 or along * along <= ball[15] * length2:

@@ -51,6 +51,7 @@ logarithm of the intensity it last saw; output of the photoreceptor, which follo
 measure contrast from; the instant that this row describes (pixels at rest lag behind); end of the refractory period;
 the two thresholds."""
 LONG_AGO_US = -1e12
+"""Before any event: no pixel is refractory at first."""
 
 
 class PixelState(NamedTuple):

@@ -23,6 +23,14 @@ def test_recordings_have_files_of_the_workspace_and_guests_their_own(library: Li
     assert library.file_of(library.add_external(guest)) == guest
 
 
+def test_a_recording_of_the_workspace_given_by_its_path_is_there_once(library: Library, tmp_path, monkeypatch) -> None:
+    """As README has it: `import ... rallyscope-data/recordings/mine.h5`, then `serve` with that path."""
+    monkeypatch.chdir(tmp_path)
+    assert library.add_external(Path("data/recordings/mine.h5")) == "mine"
+    assert library.names() == ("live", "mine")
+    assert library.add_external(tmp_path / "mine.h5") == "mine-file"  # another file of that name
+
+
 @pytest.mark.parametrize(("name", "says"), [("live", "no file yet"), ("../mine", "no such recording")])
 def test_what_is_live_or_not_in_the_list_has_no_file(library: Library, name: str, says: str) -> None:
     with pytest.raises(RecordingError, match=says):

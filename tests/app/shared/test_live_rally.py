@@ -4,9 +4,19 @@ from types import SimpleNamespace
 
 import pytest
 
-from app.shared.live_rally import BEHIND_US, was_followed
+from app.modes.watch.status import moment_html
+from app.shared.live_rally import BEHIND_US, LiveRally, was_followed
+from core.history.rally_history import RallyHistory
+from core.history.record_live import LiveRows
+from core.history.seen_outcomes import ReturnCounts
 from core.live.link import messages as m
+from core.physics.episode import Case
 
+NAN = float("nan")
+MISSED = m.OutcomeNotice(
+    session="now", seq=2, t_us=2_700_000, serve_us=2_000_000, speed_mps=5.0, case=Case.MISSED, arrival=6 * (NAN,),
+    q_wxyz=4 * (NAN,), landing_m=3 * (NAN,), landing_v_mps=3 * (NAN,), net_z_m=NAN,
+)  # fmt: skip
 SERVE = m.ServeNotice(
     session="now", seq=1, t_us=2_000_000, speed_mps=5.0, p_m=(1.4, 0.0, 0.3), v_mps=(-5.0, 0.0, 1.0),
     spin_radps=(0.0, 0.0, 0.0),
@@ -26,3 +36,32 @@ SERVE = m.ServeNotice(
 def test_a_ball_counts_only_if_the_player_followed_when_it_was_served(session, t_us, state, counts) -> None:
     snapshot = SimpleNamespace(session=session, t_us=t_us, state=state)
     assert was_followed(SERVE, snapshot) == counts  # type: ignore[arg-type]
+
+
+def test_a_ball_that_was_served_before_the_chain_followed_is_no_miss() -> None:
+    """A cold start: the first ball flies while the detector is still being compiled."""
+    player = SimpleNamespace(
+        controller=SimpleNamespace(name="built-in"), snapshot=SimpleNamespace(session="now", t_us=0, state=None)
+    )
+    rally = SimpleNamespace(
+        player=player,
+        returns=ReturnCounts(),
+        history=RallyHistory(),
+        rows=LiveRows(),
+        _scene="ball",
+        _follows_ball=False,
+    )
+
+    def shown() -> str:
+        return moment_html(rally.history.at(3_000_000, {}), 15.0, 1.0)
+
+    for notice in (SERVE, MISSED):
+        LiveRally.on_notice(rally, notice)  # type: ignore[arg-type]
+    assert "served before the chain followed: not counted" in shown()
+    assert "missed" not in shown() and "of 1 returned" not in shown() and not rally.returns.rates()
+
+    player.snapshot = SimpleNamespace(session="now", t_us=SERVE.t_us, state="a step")
+    for notice in (SERVE, MISSED):
+        LiveRally.on_notice(rally, notice)  # type: ignore[arg-type]
+    assert "missed" in shown() and "0 of 1 returned" in shown()
+    assert [(one.balls, one.returned) for one in rally.returns.rates()] == [(1, 0)]

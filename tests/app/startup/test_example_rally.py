@@ -67,3 +67,11 @@ def test_it_is_drawn_again_and_again_and_no_oftener_than_asked() -> None:
     for number in range(10):
         seldom.tick(100.0 + 0.1 * number, 0.45)
     assert len(drawn) == 2
+
+
+def test_where_something_is_compiled_first_it_is_shown_at_once() -> None:
+    drawn: list[RallyPicture] = []
+    example = ExampleRally(drawn.append, after_s=0.0)
+    assert not example.is_shown
+    example.tick(100.0, 0.0)
+    assert len(drawn) == 1 and example.is_shown

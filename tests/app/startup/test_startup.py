@@ -104,3 +104,27 @@ def test_a_source_that_nobody_took_is_closed_and_so_is_the_robot(tmp_path, serve
     eventually(lambda: source.status == "lost", "the source to be closed")
     eventually(lambda: robot.status.stop, "the robot to be stopped")
     assert robot.status.stop is not None and robot.status.stop.reason == "Rallyscope was ended"
+
+
+def test_the_detector_is_compiled_after_the_first_picture(tmp_path, monkeypatch) -> None:
+    begun = threading.Event()
+    monkeypatch.setattr("app.startup.startup.marker", lambda: tmp_path / "never-compiled")
+    monkeypatch.setattr("app.startup.startup.PICTURE_WITHIN_S", PATIENCE_S)
+    monkeypatch.setattr(Startup, "_run_child", lambda self, name, *command: begun.set() or 0)
+    startup = Startup(Workspace(tmp_path), address="tcp://127.0.0.1:1")
+    assert startup.preparation.is_first
+    startup.wait_for_change()
+    assert not begun.is_set() and states(startup)[1] == "running"
+    startup.preparation.picture_is_shown.set()
+    eventually(begun.is_set, "the detector to be compiled", lambda: states(startup))
+    startup.stop()
+
+
+def test_nobody_waits_for_a_picture_where_all_is_compiled(tmp_path, monkeypatch) -> None:
+    (tmp_path / "compiled").touch()
+    monkeypatch.setattr("app.startup.startup.marker", lambda: tmp_path / "compiled")
+    startup = Startup(Workspace(tmp_path), address="tcp://127.0.0.1:1")
+    assert not startup.preparation.is_first
+    eventually(lambda: states(startup)[1] == "done", "the detector", lambda: states(startup))
+    assert not startup.preparation.picture_is_shown.is_set()
+    startup.stop()

@@ -13,6 +13,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
+from app.viser_parts import CrossThreadEvent, websocket_server
 from app.web import Admission, Gateway
 from app.web.gateway import FILM_PATH
 from tests.waiting import PATIENCE_S, eventually
@@ -190,6 +191,45 @@ def test_a_page_gets_the_latest_message_of_each_kind_and_is_heard(door: Gateway)
         socket.send('{"type": "last"}')
         eventually(lambda: len(heard) >= 2, "both messages to be heard", lambda: heard)
         assert [message["type"] for message in heard] == ["a", "last"]
-        door.pages.close("page-1")
+        door.pages.close("page-1", heard.append)
         with pytest.raises(ConnectionClosed):
             socket.recv(timeout=PATIENCE_S)
+
+
+def test_a_page_goes_on_with_the_session_that_takes_over(door: Gateway) -> None:
+    """viser's websocket broke and came anew, before the server knew that the old one was gone."""
+    first: list = []
+    second: list = []
+    door.pages.open("page-2", first.append)
+    door.pages.send("page-2", "link", {"link": "old"})
+    with connect(f"ws://127.0.0.1:{door.server.get_port()}/rallyscope/page?page=page-2") as socket:
+        assert json.loads(socket.recv(timeout=PATIENCE_S))["link"] == "old"
+        door.pages.open("page-2", second.append)
+        door.pages.send("page-2", "link", {"link": "new"})
+        assert json.loads(socket.recv(timeout=PATIENCE_S))["link"] == "new"
+        door.pages.close("page-2", first.append)
+        socket.send('{"type": "seek"}')
+        eventually(lambda: second, "the new session to hear the page")
+        assert not first
+        door.pages.close("page-2", second.append)
+        with pytest.raises(ConnectionClosed):
+            socket.recv(timeout=PATIENCE_S)
+
+
+def test_a_page_that_gets_no_processor_for_a_minute_is_not_loaded_anew(door: Gateway) -> None:
+    """Its websockets would be closed, and what is typed in it lost."""
+    door.pages.open("page-3", print)
+    with connect(f"ws://127.0.0.1:{door.server.get_port()}/rallyscope/page?page=page-3"):
+        connection = eventually(lambda: door.pages._pages["page-3"].connection, "the page's websocket")
+        assert connection.ping_timeout is not None and connection.ping_timeout > 60
+    door.pages.close("page-3", print)
+
+
+def test_any_thread_may_send_to_a_browser(door: Gateway) -> None:
+    infra = websocket_server(door.server)
+    come: list = []
+    infra.on_client_connect(come.append)
+    with connect(f"ws://127.0.0.1:{door.server.get_port()}/", subprotocols=[PROTOCOL]):
+        eventually(lambda: come, "the browser")
+    for connection in (infra, *come):
+        assert isinstance(connection.get_message_buffer().message_event, CrossThreadEvent)

@@ -1,5 +1,6 @@
 """The last missed ball before a moment."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -74,6 +75,13 @@ def test_a_ball_that_was_seen_and_did_not_come_back_is_looked_at_when_it_was_to_
     history._hits.add(250_000, (250_000, SimpleNamespace(t_s=0.31)))
     assert find(recording_with_truth(), history, 400_000) == MissedBall(310_000, "left", "not returned")
     assert find(recording_with_truth(), history, 379_000) is None
+
+
+def test_a_ball_that_nobody_followed_is_not_looked_at() -> None:
+    history = RallyHistory()
+    add_steps(history, {})
+    history.add_outcome(replace(outcome(Case.MISSED, 300_000, 90_000), followed=False))
+    assert find(recording_with_truth(), history, 400_000) is None
 
 
 def test_the_later_of_two_is_the_one() -> None:

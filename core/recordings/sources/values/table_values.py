@@ -127,6 +127,7 @@ class Survey:
 
 
 def _are_thousandths(t: NDArray) -> NDArray[np.bool_]:
+    """Which of the times (N,) have at most three digits after the point, but for the rounding of their text."""
     with np.errstate(over="ignore", invalid="ignore"):  # damage
         steps = 1e3 * t.astype(np.float64)
         return np.abs(steps - np.rint(steps)) < 1e-3
