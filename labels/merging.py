@@ -1,12 +1,13 @@
 """Label stores put together into a new one: what annotators disagree about is listed and left out, the rest is merged.
 
 A store holds a layer for each annotator and camera, and so does the merged one. Two annotators are in conflict about a
-time of a camera if they say different states, or centres farther apart than they may be. Of what one annotator said of
-a time in two stores, the later counts.
+time of a camera if they say different states, or centres farther apart than they may be; about a contact, if its kinds
+or times differ. Of what one annotator said of a time, or of a contact, in two stores, the later counts.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
@@ -16,11 +17,12 @@ from pathlib import Path
 from core.errors import LabelError
 from core.files import replacing
 from labels.conflicts import WITHIN_PX, LabelConflict, find_conflicts
+from labels.contacts import ContactConflict, find_contact_conflicts, match_contacts
 from labels.database.connection import open_to_write, sqlite_errors, transaction
 from labels.database.edit_log import Writer, add_edit, make_layer
 from labels.database.folder import Layer
 from labels.database.rows import MERGE_TOOL
-from labels.model import Label
+from labels.model import ContactLabel, Label
 from labels.store_contents import read_store
 
 
@@ -40,6 +42,10 @@ class MergedStores:
     superseded: int
     """Labels for which the same annotator said something later in another store."""
     notes: tuple[str, ...]
+    contacts: int = 0
+    """In the new store."""
+    contact_conflicts: tuple[ContactConflict, ...] = ()
+    """Contacts of which two annotators say different things: only those of `prefer` are in the new store."""
 
 
 @dataclass(slots=True)
@@ -49,6 +55,7 @@ class _Accumulator:
     labels: dict[Layer, dict[int, Label]] = field(default_factory=lambda: defaultdict(dict))
     first: dict[Layer, dict[int, Label]] = field(default_factory=lambda: defaultdict(dict))
     """What was said before a conflict was settled."""
+    contacts: dict[Layer, tuple[ContactLabel, ...]] = field(default_factory=dict)
     superseded: int = 0
     notes: list[str] = field(default_factory=list)
 
@@ -59,6 +66,19 @@ class _Accumulator:
             self.superseded += before is not None and before != label
             if before is None or before.provenance.made_at_us < label.provenance.made_at_us:
                 known[label.t_us] = label
+
+    def add_contacts(self, layer: Layer, contacts: Sequence[ContactLabel]) -> None:
+        known = self.contacts.get(layer, ())
+        old, new = set(range(len(known))), set(range(len(contacts)))
+        for mine, theirs in match_contacts(known, contacts):
+            before, after = known[mine], contacts[theirs]
+            self.superseded += before != after
+            if before.provenance.made_at_us < after.provenance.made_at_us:
+                old.discard(mine)
+            else:
+                new.discard(theirs)
+        kept = [*(known[row] for row in old), *(contacts[row] for row in new)]
+        self.contacts[layer] = tuple(sorted(kept, key=lambda contact: contact.t_us))
 
     def add_first(self, layer: Layer, labels: Iterable[Label]) -> None:
         known = self.first[layer]
@@ -109,12 +129,44 @@ def merge_stores(
     for layer, labels in pile.labels.items():  # what is left out is kept in the log of edits, for `labels agree`
         if not layer.blind:
             pile.add_first(layer, (label for label in labels.values() if _is_left_out(dropped, layer, label)))
-    _write(out, uuid, kept, pile.first)
+    contact_conflicts = _contact_conflicts(pile.contacts) if len(sources) > 1 else ()
+    contacts = {layer: _without_conflicts(layer, pile.contacts[layer], contact_conflicts, prefer) for layer in kept}
+    _write(out, uuid, kept, pile.first, contacts)
     written = sum(map(len, kept.values()))
     left_out = sum(map(len, pile.labels.values())) - written
     return MergedStores(
-        uuid, written, conflicts, len(differing) - len(conflicts), left_out, pile.superseded, tuple(pile.notes)
+        uuid, written, conflicts, len(differing) - len(conflicts), left_out, pile.superseded, tuple(pile.notes),
+        sum(map(len, contacts.values())), contact_conflicts,
+    )  # fmt: skip
+
+
+def _contact_conflicts(contacts: Mapping[Layer, Sequence[ContactLabel]]) -> tuple[ContactConflict, ...]:
+    """What different annotators say differently of one contact. Blind repeats are nobody's word."""
+    layers = sorted((layer for layer in contacts if not layer.blind), key=lambda layer: (layer.camera, layer.annotator))
+    return tuple(
+        conflict
+        for one, other in itertools.combinations(layers, 2)
+        if one.camera == other.camera
+        for conflict in find_contact_conflicts(
+            one.camera, (one.annotator, other.annotator), (contacts[one], contacts[other])
+        )
     )
+
+
+def _without_conflicts(
+    layer: Layer, contacts: Sequence[ContactLabel], conflicts: Sequence[ContactConflict], prefer: str | None
+) -> tuple[ContactLabel, ...]:
+    """The contacts of a layer that are in no conflict, or preferred."""
+    if layer.blind:
+        return tuple(contacts)
+    dropped_us = {
+        t_us
+        for conflict in conflicts
+        if conflict.camera == layer.camera
+        for name, t_us in zip(conflict.annotators, conflict.times_us, strict=True)
+        if name == layer.annotator != prefer
+    }
+    return tuple(contact for contact in contacts if contact.t_us not in dropped_us)
 
 
 def _add_source(source: Path, pile: _Accumulator) -> str:
@@ -123,6 +175,7 @@ def _add_source(source: Path, pile: _Accumulator) -> str:
     for layer, labels in found.layers.items():
         pile.add(layer, labels.values())
         pile.add_first(layer, found.first[layer].values())
+        pile.add_contacts(layer, found.contacts[layer])
     pile.notes += found.notes
     return found.recording_uuid
 
@@ -131,10 +184,19 @@ def _is_left_out(dropped: set[tuple[str, int, str]], layer: Layer, label: Label)
     return (layer.camera, label.t_us, layer.annotator) in dropped
 
 
-def _write(out: Path, uuid: str, layers: dict[Layer, list[Label]], first: Mapping[Layer, Mapping[int, Label]]) -> None:
+Contacts = Mapping[Layer, Sequence[ContactLabel]]
+
+
+def _write(
+    out: Path,
+    uuid: str,
+    layers: dict[Layer, list[Label]],
+    first: Mapping[Layer, Mapping[int, Label]],
+    contacts: Contacts,
+) -> None:
     try:
         with replacing(out, durable=True) as partial:
-            _fill(partial, out, uuid, layers, first)
+            _fill(partial, out, uuid, layers, first, contacts)
     except OSError as error:
         raise LabelError("cannot write the merged labels", got=error.strerror, where=out) from error
 
@@ -145,6 +207,7 @@ def _fill(
     uuid: str,
     layers: dict[Layer, list[Label]],
     first: Mapping[Layer, Mapping[int, Label]],
+    contacts: Contacts,
 ) -> None:
     """Write what was said first as an edit of its own, before what is said now: the log keeps both."""
     with (
@@ -158,4 +221,4 @@ def _fill(
             before = {t_us: label for t_us, label in first[layer].items() if label != now.get(t_us)}
             if before:
                 add_edit(db, writer, before.values(), ())
-            add_edit(db, writer, labels, before.keys() - now.keys())
+            add_edit(db, writer, labels, before.keys() - now.keys(), put_contacts=contacts[layer])

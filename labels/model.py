@@ -1,4 +1,4 @@
-"""What one label says: where the ball is at one instant in one camera, how sure that is, and where it comes from."""
+"""What a label says: where the ball is at an instant in one camera, or when it touches something; how sure, by whom."""
 
 from __future__ import annotations
 
@@ -104,3 +104,34 @@ class Label:
             xx, xy, yy = self.covariance_px2
             if not (xx >= 0 and yy >= 0 and xx * yy >= xy * xy * (1 - 1e-9)):
                 raise LabelError("not a covariance", got=self.covariance_px2, where=where)
+
+
+class ContactKind(StrEnum):
+    """What the ball touches."""
+
+    BOUNCE = "bounce"
+    """The table's top."""
+    HIT = "hit"
+    """A racket."""
+    NET = "net"
+    """The net or its posts."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContactLabel:
+    """One contact of the ball, as the annotator of a layer has it. Its time is its identity within the layer."""
+
+    t_us: int
+    """The instant of the contact, us on the recording's clock."""
+    kind: ContactKind
+    sigma_us: float | None = None
+    """Standard deviation of the time; None: not known."""
+    provenance: Provenance = field(default_factory=Provenance)
+    """`source` says how the time came about, `detector` by which method where one proposed it."""
+
+    def __post_init__(self) -> None:
+        where = f"contact at {self.t_us} us"
+        if not 0 <= self.t_us < 2**63:
+            raise LabelError("impossible time", expected="microseconds from 0", got=self.t_us, where=where)
+        if self.sigma_us is not None and not (math.isfinite(self.sigma_us) and self.sigma_us >= 0):
+            raise LabelError("impossible uncertainty", expected="0 us or more", got=self.sigma_us, where=where)

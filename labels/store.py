@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,6 +32,7 @@ from labels.database.connection import (
     transaction,
     work_in_log,
 )
+from labels.database.contact_rows import contact_of, current_contacts
 from labels.database.edit_log import (
     SessionHistory,
     UndoStep,
@@ -57,9 +58,10 @@ from labels.database.rows import (
 )
 from labels.database.schema import recording_of
 from labels.database.snapshot import Snapshot
-from labels.model import Label, LabelState, PositionSource
+from labels.model import ContactLabel, Label, LabelState, PositionSource
 
 __all__ = ["LabelProgress", "LabelStore", "Layer", "UndoStep", "find_annotators", "find_layers", "has_labels"]
+AnyLabel = TypeVar("AnyLabel", Label, ContactLabel)
 _FEW_CHANGES = 64
 """Up to so many changes are worked into the sorted columns one by one (about 1 ms each at 200,000 labels); more are
 read anew."""
@@ -220,20 +222,31 @@ class LabelStore:
         """Make a time unchecked again; False if it was already."""
         return self.edit(delete=(t_us,)) > 0
 
-    def edit(self, *, put: Iterable[Label] = (), delete: Iterable[int] = ()) -> int:
+    def edit(
+        self,
+        *,
+        put: Iterable[Label] = (),
+        delete: Iterable[int] = (),
+        put_contacts: Iterable[ContactLabel] = (),
+        delete_contacts: Iterable[int] = (),
+    ) -> int:
         """Several changes as one: one write, one step of undo, all or nothing. Returns how many times it touches.
+
+        A contact at a time is one thing, a label of the same time another.
 
         Raises:
             LabelError: if it is not saved.
         """
         stamped, gone = tuple(self._stamp(label) for label in put), tuple(delete)
-        times = {label.t_us for label in stamped}
-        if len(times) != len(stamped) or times & set(gone):
-            raise LabelError("one edit says two things about the same time", where=self.path)
-        if not stamped and not gone:
+        contacts, ended = tuple(self._stamp(contact) for contact in put_contacts), tuple(delete_contacts)
+        for new, old in ((stamped, gone), (contacts, ended)):
+            times = {one.t_us for one in new}
+            if len(times) != len(new) or times & set(old):
+                raise LabelError("one edit says two things about the same time", where=self.path)
+        if not (stamped or gone or contacts or ended):
             return 0
         with self.writing() as db, transaction(db):
-            touched = add_edit(db, self.writer, stamped, gone)
+            touched = add_edit(db, self.writer, stamped, gone, put_contacts=contacts, delete_contacts=ended)
         return len(touched)
 
     def reject(self, t_us: int, x_px: float, y_px: float, r_px: float | None, detector: str) -> None:
@@ -319,6 +332,13 @@ class LabelStore:
             rows = current_rows(self._reader, self._number, upto=self._seen).fetchall()
         return tuple(label_of(row[0], row[2:]) for row in rows)
 
+    def contacts(self) -> tuple[ContactLabel, ...]:
+        """All contacts with their provenance, by time."""
+        with self._lock, sqlite_errors(self.path, "cannot read the labels"):
+            self._refresh()
+            rows = current_contacts(self._reader, self._number, upto=self._seen)
+        return tuple(contact_of(t_us, values) for t_us, values in rows)
+
     def by_time(self) -> Mapping[int, Label]:
         """All labels by their time, ascending: a snapshot that does not change."""
         with self._lock:
@@ -356,7 +376,7 @@ class LabelStore:
     ) -> None:
         self.close()
 
-    def _stamp(self, label: Label) -> Label:
+    def _stamp(self, label: AnyLabel) -> AnyLabel:
         made = label.provenance
         return replace(
             label,

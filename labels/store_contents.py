@@ -5,18 +5,19 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import unquote
 
 from core.errors import LabelError
 from labels.database.connection import DamagedStoreError, open_to_read, sqlite_errors
+from labels.database.contact_rows import contact_of, current_contacts
 from labels.database.edit_log import NEWEST
 from labels.database.folder import Layer, store_path
 from labels.database.reading import salvage
 from labels.database.rows import Values, current_rows, label_of, values_before_settling
 from labels.database.schema import recording_of
-from labels.model import Label
+from labels.model import ContactLabel, Label
 from labels.store import LabelStore, find_layers
 
 
@@ -31,6 +32,8 @@ class StoreContents:
     """What was said before a conflict was settled, or a label left out by a merge, by time; only there."""
     notes: tuple[str, ...] = ()
     """What could not be read."""
+    contacts: Mapping[Layer, tuple[ContactLabel, ...]] = field(default_factory=dict)
+    """By time; every layer has an entry."""
 
 
 def read_store(source: Path) -> StoreContents:
@@ -96,18 +99,21 @@ def _read_folder(folder: Path) -> StoreContents:
         raise LabelError("no labels in this folder", where=folder, remedy="name a labels.sqlite")
     found: dict[Layer, dict[int, Label]] = {}
     first: dict[Layer, dict[int, Label]] = {}
+    contacts: dict[Layer, tuple[ContactLabel, ...]] = {}
     notes: list[str] = []
     for layer in layers:
         with LabelStore.read(folder.parent, layer) as store:
             found[layer] = {label.t_us: label for label in store.all()}
             first[layer] = {label.t_us: label for label in store.before_settling()}
+            contacts[layer] = store.contacts()
         notes += [note for note in store.notes if note not in notes]
-    return StoreContents(uuid, found, first, tuple(notes))
+    return StoreContents(uuid, found, first, tuple(notes), contacts)
 
 
 def _read_database(db: sqlite3.Connection, path: Path, notes: tuple[str, ...]) -> StoreContents:
     found: dict[Layer, dict[int, Label]] = {}
     first: dict[Layer, dict[int, Label]] = {}
+    contacts: dict[Layer, tuple[ContactLabel, ...]] = {}
     all_notes = list(notes)
     with sqlite_errors(path, "cannot read the labels"):
         uuid = recording_of(db, path)
@@ -117,7 +123,8 @@ def _read_database(db: sqlite3.Connection, path: Path, notes: tuple[str, ...]) -
             found[layer] = _readable_labels(rows, path, all_notes)
             before = values_before_settling(db, number, upto=NEWEST)
             first[layer] = _readable_labels(before, path, all_notes)
-    return StoreContents(uuid, found, first, tuple(all_notes))
+            contacts[layer] = _readable_contacts(current_contacts(db, number, upto=NEWEST), path, all_notes)
+    return StoreContents(uuid, found, first, tuple(all_notes), contacts)
 
 
 def _readable_labels(rows: Sequence[tuple[int, Values | None]], path: Path, notes: list[str]) -> dict[int, Label]:
@@ -130,3 +137,13 @@ def _readable_labels(rows: Sequence[tuple[int, Values | None]], path: Path, note
         except LabelError as error:
             notes.append(f"{path}: left out: {error}")
     return labels
+
+
+def _readable_contacts(rows: Sequence[tuple[int, Values]], path: Path, notes: list[str]) -> tuple[ContactLabel, ...]:
+    contacts = []
+    for t_us, values in rows:
+        try:
+            contacts.append(contact_of(t_us, values))
+        except LabelError as error:
+            notes.append(f"{path}: left out: {error}")
+    return tuple(contacts)

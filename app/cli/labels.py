@@ -1,4 +1,4 @@
-"""`rallyscope labels import|export|score|agree|merge|shift`: exchange labels with other tools, measure with them."""
+"""`rallyscope labels import|export|score|agree|merge|shift|contacts`: exchange labels, measure with them."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ import numpy as np
 
 from app.cli.arguments import PositiveInt, flag, positional
 from app.cli.detector_arguments import DetectorArguments
+from app.cli.labels_contacts import run_contacts
 from app.cli.labels_layer import Labelled, LayerArguments, read_layer
 from app.cli.labels_score import run_score
 from app.cli.progress import progress_bar
@@ -29,6 +30,13 @@ from core.metrics import run_detector
 from labels.agreement import Agreement, PositionAgreement, measure_agreement
 from labels.assist.label_shift import LabelShift, find_label_shift
 from labels.conflicts import WITHIN_PX, LabelConflict
+from labels.contacts import (
+    ContactAgreement,
+    ContactConflict,
+    match_contacts,
+    measure_contact_agreement,
+    new_contacts,
+)
 from labels.formats import FORMATS, ExportOptions
 from labels.formats.import_check import ImportChoices, import_context, import_labels
 from labels.formats.import_report import ImportReport, describe_label, report_of
@@ -121,28 +129,38 @@ def run_import(arguments: LabelImportArguments) -> None:
         if arguments.check:
             known = _labelled_us(layer.folder, recording.uuid, stream.name, annotator)
             new = [label for label in found.labels if arguments.replace or label.t_us not in known]
+            contacts = found.contacts
         else:
             tool = f"rallyscope {version('rallyscope')}"
             with LabelStore.open(layer.folder, recording.uuid, stream.name, annotator, tool=tool) as store:
                 new = [label for label in found.labels if arguments.replace or store.at(label.t_us) is None]
-                store.edit(put=new)  # one step: one undo takes the whole import back
-    if not found.labels and not found.rejections:
+                known = store.contacts()
+                contacts = new_contacts(found.contacts, known, replace=arguments.replace)
+                replaced = {known[row].t_us for _, row in match_contacts(contacts, known)}
+                gone = replaced - {contact.t_us for contact in contacts}
+                # one step: one undo takes the whole import back
+                store.edit(put=new, put_contacts=contacts, delete_contacts=gone)
+    taken = len(found.labels) + len(found.contacts)
+    if not taken and not found.rejections:
         expected = f"labels of {FORMATS[arguments.format].summary}"
         got = f"none in {found.files} files"
         raise LabelError("nothing to import", expected=expected, got=got, where=arguments.source)
     there, rejections = len(found.labels) - len(new), [str(rejection) for rejection in found.rejections]
     report = report_of(found)
-    if not found.labels and rejections:
+    if not taken and rejections:
         others = "; ".join(f"{item.count} x {item.reason}" for item in report.rejected[:MAX_REASONS])
         which = f" ({others})" if len(report.rejected) > 1 else ""
         raise LabelError(f"nothing could be imported, {len(rejections)} rejected{which}", got=rejections[0])
     done = "would be imported" if arguments.check else "imported"
     lines = [f"{len(new)} labels {done} for {annotator!r}, {there} were there already, {len(rejections)} rejected"]
+    if found.contacts:
+        lines.append(f"{len(contacts)} of {len(found.contacts)} contacts {done}; the others were there already")
     layer.tell(
         {
             "annotator": annotator,
             "imported": len(new),
             "already_there": there,
+            "contacts": len(contacts),
             "rejected": rejections,
             **_report_json(report),
         },
@@ -209,6 +227,7 @@ def run_export(arguments: LabelExportArguments) -> None:
             annotator=store.layer.annotator,
             source=source,
             labels=store.all(),
+            contacts=store.contacts(),
             frames_us=frames_us,
             pictures=arguments.pictures,
             window_us=arguments.window_us,
@@ -216,8 +235,14 @@ def run_export(arguments: LabelExportArguments) -> None:
         )
         with progress_bar("Drawing") if arguments.pictures else nullcontext(lambda share: None) as progress:
             made = write_label_files(request, out, progress)
-    counts = {"labels": made.labels, "files": len(made.files), "pictures": len(made.pictures)}
-    lines = [f"{counts['labels']} labels in {counts['files']} files, {counts['pictures']} pictures: {out}"]
+    counts = {
+        "labels": made.labels,
+        "contacts": made.contacts,
+        "files": len(made.files),
+        "pictures": len(made.pictures),
+    }
+    what = f"{made.labels} labels" + (f" and {made.contacts} contacts" if made.contacts else "")
+    lines = [f"{what} in {counts['files']} files, {counts['pictures']} pictures: {out}"]
     lines += [f"not in this format: {loss}" for loss in made.losses]
     layer.tell({**counts, "out": str(out), "losses": list(made.losses)}, lines)
 
@@ -230,7 +255,9 @@ def run_agree(arguments: LabelAgreeArguments) -> None:
     name, blind = arguments.other or mine, arguments.other is None
     layer = Layer(first.layer.recording_uuid, first.layer.camera, name, blind)
     # As they were before anybody looked at the other's: what was settled agrees by itself.
-    mine_first, theirs_first = first.independent(), LabelStore.read(arguments.layer.folder, layer).independent()
+    second = LabelStore.read(arguments.layer.folder, layer)
+    mine_first, theirs_first = first.independent(), second.independent()
+    contacts = measure_contact_agreement(first.contacts(), second.contacts())
     found = measure_agreement(mine_first.labels, theirs_first.labels)
     settled_us = np.union1d(mine_first.settled_us, theirs_first.settled_us)
     copied = len(mine_first.copied_us) + len(theirs_first.copied_us)
@@ -250,7 +277,23 @@ def run_agree(arguments: LabelAgreeArguments) -> None:
         notes.append(f"{copied} labels were taken over from another annotator: their agreement says nothing")
     as_json = {"first": mine, "second": name, "blind": blind, "left_out": lost, "copied": copied}
     as_json |= {"settled_us": settled_us.tolist(), **asdict(found)}
-    arguments.layer.tell(as_json, [counts, *notes, *_agreement_lines(found, lost)])
+    if contacts.common + contacts.only_first + contacts.only_second:
+        as_json["contacts"] = asdict(contacts)
+    arguments.layer.tell(as_json, [counts, *notes, *_agreement_lines(found, lost), *_contact_lines(contacts)])
+
+
+def _contact_lines(found: ContactAgreement) -> list[str]:
+    """Nothing where neither has any contact."""
+    if not found.common + found.only_first + found.only_second:
+        return []
+    line = f"contacts: {found.common} common, {found.only_first} and {found.only_second} of one only"
+    if not found.common:
+        return [line]
+    by_kind = (
+        f"  {kind} ({time.pairs}): median {time.median_us / 1000:.2f} ms, p95 {time.p95_us / 1000:.2f}"
+        for kind, time in found.by_kind.items()
+    )
+    return [f"{line}; {found.same_kind} of {found.common} of the same kind", *by_kind]
 
 
 def _agreement_lines(found: Agreement, lost: int) -> list[str]:
@@ -326,9 +369,17 @@ def _lines(merged: MergedStores, arguments: LabelMergeArguments) -> list[str]:
     ]
     if merged.settled:
         lines.append(f"{merged.settled} conflicts were settled in Label: the label that settles each was taken")
+    if merged.contacts or merged.contact_conflicts:
+        lines.append(f"{merged.contacts} contacts merged; {len(merged.contact_conflicts)} in conflict")
+    lines += [_contact_conflict_line(conflict) for conflict in merged.contact_conflicts[:MAX_SHOWN]]
     lines += [_conflict_line(conflict) for conflict in merged.conflicts[:MAX_SHOWN]]
     more = len(merged.conflicts) - MAX_SHOWN
     return [*lines, *([f"... and {more} more, see --json"] if more > 0 else []), *merged.notes]
+
+
+def _contact_conflict_line(conflict: ContactConflict) -> str:
+    each = zip(conflict.annotators, conflict.kinds, conflict.times_us, strict=True)
+    return f"{conflict.camera} contact: " + "; ".join(f"{name}: {kind} at {t_us} us" for name, kind, t_us in each)
 
 
 def _conflict_line(conflict: LabelConflict) -> str:
@@ -413,4 +464,5 @@ ACTS = {
     "agree": run_agree,
     "merge": run_merge,
     "shift": run_shift,
+    "contacts": run_contacts,
 }

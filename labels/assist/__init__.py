@@ -2,6 +2,7 @@
 
 from labels.assist.between import labels_between, labels_from_curve
 from labels.assist.blind import is_blind_sample, next_blind
+from labels.assist.contact_proposals import propose_contacts
 from labels.assist.curve import interpolate
 from labels.assist.flight import curve_of_flight, fit_flight
 from labels.assist.propose import Proposals, accept, propose, steady_segment
@@ -29,6 +30,7 @@ __all__ = [
     "load_snap",
     "next_blind",
     "propose",
+    "propose_contacts",
     "reproject",
     "review_queue",
     "snap",

@@ -16,7 +16,15 @@ from core.errors import LabelError
 from core.files import sync
 from labels.database.file_system import is_shared, refuse_unsafe_folder, refuse_whole_files
 from labels.database.folder import FILE
-from labels.database.schema import check_schema, create_tables, is_empty, recording_of
+from labels.database.schema import (
+    VERSION,
+    check_schema,
+    create_tables,
+    is_empty,
+    recording_of,
+    upgrade_tables,
+    version_of,
+)
 from labels.database.snapshot import distrust, is_write_ahead, open_snapshot
 from labels.database.write_lease import WriteLease, borrow_lease, lease_path, return_lease
 
@@ -57,6 +65,7 @@ def open_to_write(path: Path, recording_uuid: str) -> sqlite3.Connection:
             # Before anything of the file is run: a schema can hold triggers of a stranger.
             check_schema(db, path)
             _check_recording(db, path, recording_uuid)
+            _upgrade(db)
     except BaseException:
         db.close()
         raise
@@ -264,6 +273,13 @@ def _create_if_empty(db: sqlite3.Connection, path: Path, recording_uuid: str) ->
         if is_empty(db):  # else another has made it meanwhile
             create_tables(db, recording_uuid)
     sync(path.parent)  # a new file survives a power cut only with its folder's entry
+
+
+def _upgrade(db: sqlite3.Connection) -> None:
+    """Give a store of an earlier version the newest tables, in one step: a kill leaves it as it was."""
+    if version_of(db) < VERSION:
+        with transaction(db):
+            upgrade_tables(db)  # looks again: another program may have done it meanwhile
 
 
 def _check_recording(db: sqlite3.Connection, path: Path, recording_uuid: str) -> None:

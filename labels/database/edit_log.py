@@ -8,14 +8,25 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
+from labels.database.contact_rows import (
+    CONTACT_COLUMNS,
+    LISTED_CONTACT,
+    NO_CONTACT,
+    contact_at,
+    values_of_contact,
+)
 from labels.database.rows import COLUMNS, LISTED, NO_LABEL, Values, value_at, values_of
-from labels.model import Label
+from labels.database.schema import holds_contacts
+from labels.model import ContactLabel, Label
 
 Kind = str
 EDIT, UNDO, REDO, REJECTED = "edit", "undo", "redo", "rejected proposal"
 NEWEST: Final = 2**62
 """After every edit that there is."""
 _ADD = f"INSERT INTO changes (layer, t_us, edit, {LISTED}) VALUES (?, ?, ?{', ?' * len(COLUMNS)})"
+_ADD_CONTACT = (
+    f"INSERT INTO contact_changes (layer, t_us, edit, {LISTED_CONTACT}) VALUES (?, ?, ?{', ?' * len(CONTACT_COLUMNS)})"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,13 +113,22 @@ def add_edit(
     delete: Iterable[int],
     *,
     made_at_us: int | None = None,
+    put_contacts: Iterable[ContactLabel] = (),
+    delete_contacts: Iterable[int] = (),
 ) -> tuple[int, ...]:
-    """One act of a person; returns the times it touches. Times without a label are not deleted."""
+    """One act of a person; returns the times it touches. Times without a label or contact are not deleted."""
     gone = [t_us for t_us in dict.fromkeys(delete) if value_at(db, writer.layer, t_us, upto=NEWEST) is not None]
     changes = [*((label.t_us, values_of(label)) for label in put), *((t_us, NO_LABEL) for t_us in gone)]
-    if changes:
-        _add_changes(db, writer.layer, _add_row(db, writer, EDIT, None, made_at_us), changes)
-    return tuple(t_us for t_us, _ in changes)
+    ended = [
+        t_us for t_us in dict.fromkeys(delete_contacts) if contact_at(db, writer.layer, t_us, upto=NEWEST) is not None
+    ]
+    contacts = [(contact.t_us, values_of_contact(contact)) for contact in put_contacts]
+    contacts += [(t_us, NO_CONTACT) for t_us in ended]
+    if changes or contacts:
+        edit = _add_row(db, writer, EDIT, None, made_at_us)
+        _add_changes(db, writer.layer, edit, changes)
+        _add_changes(db, writer.layer, edit, contacts, _ADD_CONTACT)
+    return tuple(t_us for t_us, _ in (*changes, *contacts))
 
 
 def add_rejection(
@@ -135,18 +155,33 @@ def step_back(db: sqlite3.Connection, writer: Writer, history: SessionHistory, *
     candidates = history.undone if redo else history.done
     if not candidates:
         return UndoStep()
-    edit, layer = candidates[-1], writer.layer
+    edit = candidates[-1]
+    changes, left = _changes_of_step(db, writer.layer, edit, "changes", redo)
+    contacts, left_contacts = (
+        _changes_of_step(db, writer.layer, edit, "contact_changes", redo) if holds_contacts(db) else ([], [])
+    )
+    made = _add_row(db, writer, REDO if redo else UNDO, edit)
+    _add_changes(db, writer.layer, made, changes)
+    _add_changes(db, writer.layer, made, contacts, _ADD_CONTACT)
+    touched = (*(t_us for t_us, _ in changes), *(t_us for t_us, _ in contacts))
+    return UndoStep(touched, (*left, *left_contacts))
+
+
+def _changes_of_step(
+    db: sqlite3.Connection, layer: int, edit: int, table: str, redo: bool
+) -> tuple[list[tuple[int, Values]], list[int]]:
+    """What an undo or redo of an edit writes into one table, and the times that others have changed since."""
+    look, nothing = (value_at, NO_LABEL) if table == "changes" else (contact_at, NO_CONTACT)
     changes: list[tuple[int, Values]] = []
     left: list[int] = []
-    for (t_us,) in db.execute("SELECT t_us FROM changes WHERE edit = ? ORDER BY t_us", (edit,)).fetchall():
-        before, after = value_at(db, layer, t_us, upto=edit - 1), value_at(db, layer, t_us, upto=edit)
+    for (t_us,) in db.execute(f"SELECT t_us FROM {table} WHERE edit = ? ORDER BY t_us", (edit,)).fetchall():
+        before, after = look(db, layer, t_us, upto=edit - 1), look(db, layer, t_us, upto=edit)
         found, wanted = (before, after) if redo else (after, before)
-        if value_at(db, layer, t_us, upto=NEWEST) == found:
-            changes.append((t_us, wanted or NO_LABEL))
+        if look(db, layer, t_us, upto=NEWEST) == found:
+            changes.append((t_us, wanted or nothing))
         else:
             left.append(t_us)
-    _add_changes(db, layer, _add_row(db, writer, REDO if redo else UNDO, edit), changes)
-    return UndoStep(tuple(t_us for t_us, _ in changes), tuple(left))
+    return changes, left
 
 
 def _add_row(db: sqlite3.Connection, writer: Writer, kind: Kind, of: int | None, made_at_us: int | None = None) -> int:
@@ -157,5 +192,7 @@ def _add_row(db: sqlite3.Connection, writer: Writer, kind: Kind, of: int | None,
     return made.lastrowid
 
 
-def _add_changes(db: sqlite3.Connection, layer: int, edit: int, changes: Iterable[tuple[int, Values]]) -> None:
-    db.executemany(_ADD, ((layer, t_us, edit, *values) for t_us, values in changes))
+def _add_changes(
+    db: sqlite3.Connection, layer: int, edit: int, changes: Iterable[tuple[int, Values]], add: str = _ADD
+) -> None:
+    db.executemany(add, ((layer, t_us, edit, *values) for t_us, values in changes))

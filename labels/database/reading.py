@@ -13,10 +13,16 @@ from urllib.parse import unquote
 from labels.database.connection import DamagedStoreError, distrust, open_to_read, sqlite_errors, transaction
 from labels.database.folder import Layer, journals_in, stores_in
 from labels.database.migration import replay
-from labels.database.schema import create_tables, recording_of
+from labels.database.schema import create_tables, holds_contacts, recording_of, upgrade_tables
 from labels.journal import read_journal
 
-KEYS: Final = {"layers": "layer", "edits": "edit", "changes": "layer, t_us, edit", "rejections": "edit"}
+KEYS: Final = {
+    "layers": "layer",
+    "edits": "edit",
+    "changes": "layer, t_us, edit",
+    "rejections": "edit",
+    "contact_changes": "layer, t_us, edit",
+}
 """Tables, and the order in which each lies in the file."""
 
 
@@ -31,7 +37,8 @@ def salvage(path: Path) -> tuple[sqlite3.Connection, tuple[str, ...]]:
         sqlite_errors(path, "cannot read the labels"),
     ):
         saved = memory_store(recording_of(damaged, path))
-        broken = [table for table in KEYS if not _copy_table(damaged, saved, table)]
+        tables = [table for table in KEYS if table != "contact_changes" or holds_contacts(damaged)]
+        broken = [table for table in tables if not _copy_table(damaged, saved, table)]
         kept = saved.execute("SELECT count(*) FROM labels").fetchone()[0]
     what = f"damaged in {', '.join(broken)}" if broken else "damaged"
     return saved, (f"{path}: {what}; {kept} labels could be read, others may be lost",)
@@ -129,5 +136,7 @@ def read_with_journal(path: Path, layer: Layer, journal: Path) -> tuple[sqlite3.
     if path.is_file():
         with closing(open_to_read(path)) as file, sqlite_errors(path, "cannot read the labels"):
             file.backup(db)
+        with transaction(db):
+            upgrade_tables(db)
     with transaction(db):
         return db, tuple(replay(db, read_journal(journal), layer, journal))

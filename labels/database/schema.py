@@ -6,8 +6,10 @@ run before all of it has been compared with ours.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import sqlite3
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
@@ -15,8 +17,10 @@ from core.errors import LabelError
 
 APPLICATION_ID: Final = 0x52534C42
 """`RSLB` in the header of the file: what `file` and SQLite's own tools see."""
-VERSION: Final = 2
-"""Version of the tables. Version 1 were journals of JSON lines."""
+VERSION: Final = 3
+"""Version of the tables. Version 1 were journals of JSON lines, version 2 had no contacts."""
+FIRST_VERSION: Final = 2
+"""The oldest version of the tables that is read; it becomes the newest once somebody writes."""
 
 TABLES: Final = """
 CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT, WITHOUT ROWID;
@@ -86,18 +90,68 @@ FROM edits e JOIN layers l USING (layer) LEFT JOIN changes c USING (edit);
 """
 """Rows are only ever added. A change without a state makes a time unchecked again."""
 
+CONTACT_TABLES: Final = """
+CREATE TABLE contact_changes (
+  layer INTEGER NOT NULL REFERENCES layers,
+  t_us INTEGER NOT NULL CHECK (t_us >= 0),
+  edit INTEGER NOT NULL REFERENCES edits,
+  kind TEXT CHECK (kind IN ('bounce', 'hit', 'net')),
+  sigma_us REAL CHECK (sigma_us >= 0),
+  source TEXT,
+  annotator TEXT,
+  made_at_us INTEGER,
+  tool TEXT,
+  detector TEXT,
+  window_start_us INTEGER,
+  window_end_us INTEGER,
+  rendering TEXT,
+  time_spent_ms INTEGER,
+  PRIMARY KEY (layer, t_us, edit)
+) STRICT, WITHOUT ROWID;
+CREATE INDEX contact_changes_of_edit ON contact_changes (edit);
+
+CREATE VIEW contacts AS
+SELECT l.camera, l.annotator AS whose, l.blind, c.*
+FROM contact_changes c JOIN layers l USING (layer)
+WHERE c.kind IS NOT NULL
+  AND c.edit = (SELECT max(d.edit) FROM contact_changes d WHERE d.layer = c.layer AND d.t_us = c.t_us);
+"""
+"""What version 3 added. A change without a kind takes the contact at its time away."""
+TABLES_OF_VERSION: Final = {2: TABLES, 3: TABLES + CONTACT_TABLES}
+
 Entry = tuple[str, str, str, str]
 """Type, name, table and text of an entry of the schema."""
 
 
 def create_tables(db: sqlite3.Connection, recording_uuid: str) -> None:
     """Make an empty file a label store; the caller's transaction holds it all."""
-    for statement in TABLES.split(";"):
-        if statement.strip():
-            db.execute(statement)
+    _run(db, TABLES_OF_VERSION[VERSION])
     db.execute("INSERT INTO about VALUES ('recording', ?)", (recording_uuid,))
     db.execute(f"PRAGMA application_id = {APPLICATION_ID}")
     db.execute(f"PRAGMA user_version = {VERSION}")
+
+
+def upgrade_tables(db: sqlite3.Connection) -> None:
+    """Give a store of version 2 what later ones have; the caller's transaction holds it all."""
+    if version_of(db) == FIRST_VERSION:
+        _run(db, CONTACT_TABLES)
+        db.execute(f"PRAGMA user_version = {VERSION}")
+
+
+def version_of(db: sqlite3.Connection) -> int:
+    """Version of the tables of a file."""
+    return int(db.execute("PRAGMA user_version").fetchone()[0])
+
+
+def holds_contacts(db: sqlite3.Connection) -> bool:
+    """Whether a store has tables of contacts; another program may add them at any time."""
+    return version_of(db) > FIRST_VERSION
+
+
+def _run(db: sqlite3.Connection, statements: str) -> None:
+    for statement in statements.split(";"):
+        if statement.strip():
+            db.execute(statement)
 
 
 def is_empty(db: sqlite3.Connection) -> bool:
@@ -111,9 +165,9 @@ def check_schema(db: sqlite3.Connection, path: Path) -> None:
     Raises:
         LabelError: if it is of a later version, or anything is missing, other or too much.
     """
-    (application,), (version,) = (
-        db.execute(f"PRAGMA {name}").fetchone() for name in ("application_id", "user_version")
-    )
+    with _one_moment(db):
+        (application,), version = db.execute("PRAGMA application_id").fetchone(), version_of(db)
+        entries = _entries(db)
     if not application and is_empty(db) and _keeps_log(path):
         raise LabelError(
             "a label store without its log, which holds the labels",
@@ -129,7 +183,9 @@ def check_schema(db: sqlite3.Connection, path: Path) -> None:
         expected = f"up to version {VERSION}"
         raise LabelError("labels of another version", expected=expected, got=version, where=path, remedy="update")
     # What is too much counts as well: a trigger or a view would run with our statements.
-    odd = sorted(str(name) for _, name, _, _ in _entries(db) ^ _our_entries())
+    # A version that was never written is compared with the newest, and differs.
+    ours = _our_entries(version if version in TABLES_OF_VERSION else VERSION)
+    odd = sorted(str(name) for _, name, _, _ in entries ^ ours)
     if odd:
         raise LabelError(
             "a label store with other tables than ours; nothing of it is read",
@@ -159,6 +215,17 @@ def _keeps_log(path: Path) -> bool:
         return False
 
 
+@contextlib.contextmanager
+def _one_moment(db: sqlite3.Connection) -> Iterator[None]:
+    """Inside, version and tables are read as they were at one time: another program may just be adding tables."""
+    db.execute("BEGIN")
+    try:
+        yield
+    finally:
+        if db.in_transaction:  # SQLite ends it itself at a damaged page
+            db.execute("COMMIT")
+
+
 def _entries(db: sqlite3.Connection) -> set[Entry]:
     # SQLite keeps names that begin with sqlite_ for itself: indices of keys, statistics.
     found = db.execute("SELECT type, name, tbl_name, sql FROM sqlite_schema").fetchall()
@@ -166,10 +233,10 @@ def _entries(db: sqlite3.Connection) -> set[Entry]:
 
 
 @functools.cache
-def _our_entries() -> frozenset[Entry]:
+def _our_entries(version: int) -> frozenset[Entry]:
     db = sqlite3.connect(":memory:", isolation_level=None)
     try:
-        create_tables(db, "")
+        _run(db, TABLES_OF_VERSION[version])
         return frozenset(_entries(db))
     finally:
         db.close()

@@ -15,6 +15,7 @@ from labels.formats.exchange import (
 )
 from labels.formats.label_studio import read_label_studio, write_label_studio
 from labels.formats.plain_csv import read_csv, write_csv
+from labels.formats.plain_json import read_json, write_json
 from labels.formats.recording_group import read_hdf5, write_hdf5
 from labels.formats.sony import read_sony, write_sony
 from labels.formats.tracknet import read_tracknet, write_tracknet
@@ -26,7 +27,7 @@ register_label_format("yolo", write_yolo, read_yolo, "YOLO", "YOLO text files wi
 register_label_format(
     "yolo-pose", write_yolo_pose, read_yolo, "YOLO pose", "YOLO text files with the centre as a keypoint", pictures=True
 )
-register_label_format("coco", write_coco, read_coco, "COCO", "COCO keypoints JSON", pictures=True)
+register_label_format("coco", write_coco, read_coco, "COCO", "COCO keypoints JSON", pictures=True, contacts=True)
 register_label_format("tracknet", write_tracknet, read_tracknet, "TrackNet", "TrackNetV2/V3 CSV", pictures=True)
 register_label_format("cvat", write_cvat, read_cvat, "CVAT", "CVAT XML 1.1 for images", pictures=True)
 register_label_format(
@@ -43,9 +44,15 @@ register_label_format(
     read_csv,
     "CSV, nothing is lost",
     "plain CSV with every field; read is a 2D track (t_us, dt_us or frame, x, y) too",
+    contacts=True,
 )
-register_label_format("hdf5", write_hdf5, read_hdf5, "", "the group /labels/<camera> of a recording")
-register_label_format("sony", write_sony, read_sony, "", "Sony's rallies: HDF5 with a label each millisecond")
+register_label_format(
+    "json", write_json, read_json, "JSON, nothing is lost", "plain JSON with every field", contacts=True
+)
+register_label_format("hdf5", write_hdf5, read_hdf5, "", "the group /labels/<camera> of a recording", contacts=True)
+register_label_format(
+    "sony", write_sony, read_sony, "", "Sony's rallies: HDF5 with a label each millisecond", contacts=True
+)
 FORMATS.mark_built_in()
 
 __all__ = [

@@ -2,7 +2,8 @@
 
 Boxes and keypoints count from the picture's corner. Ids start at 1 and areas are above 0: evaluation tools take an id
 of 0 for "no match" and score an area of 0 as nothing. A reviewed picture without a ball has no annotation, but is
-listed. For pycocotools set `params.kpt_oks_sigmas` to one number: its default is for 17 joints of a person.
+listed. Contacts are a list of their own, which other readers pass over. For pycocotools set `params.kpt_oks_sigmas` to
+one number: its default is for 17 joints of a person.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from labels.formats.exchange import (
     whole_number,
     write_text,
 )
+from labels.formats.flat import CONTACT_COLUMNS, contact_of_row, contact_row
 from labels.formats.labelled_pictures import DrawnShape, Picture, Place, read_pictures
 from labels.model import Label, LabelState
 
@@ -57,10 +59,19 @@ def write_coco(labels: LabelSet, folder: Path, options: ExportOptions) -> Export
         "licenses": [],
         "images": images,
         "annotations": annotations,
+        **({"contacts": [contact_row(contact) for contact in labels.contacts]} if labels.contacts else {}),
         "categories": [{"id": 1, "name": CLASS_NAME, "supercategory": "", "keypoints": ["centre"], "skeleton": []}],
     }
     text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     return Exported((write_text(folder / f"{camera_stem(labels.camera)}.json", text),), count_losses(losses))
+
+
+def add_contacts(entries: object, file: Path, context: ImportContext, collector: Collector) -> None:
+    """Take the contacts of a JSON document, if it has a list of them."""
+    for entry in _objects(entries, "contact", file, collector) if isinstance(entries, list) else []:
+        with collector.entry(file, entry.line):
+            texts = {name: str(entry[name]) for name in CONTACT_COLUMNS if entry.get(name) is not None}
+            collector.add_contact(contact_of_row(texts, context.origin), file, entry.line)
 
 
 def _annotation(number: int, image_id: int, label: Label, box: Box) -> dict[str, object]:
@@ -94,6 +105,7 @@ def _pictures_in(text: str, file: Path, context: ImportContext, collector: Colle
         collector.reject(file, 1, "not a COCO file; expected lists of images and annotations")
         return []
     balls = _ball_categories(document, file, context, collector)
+    add_contacts(document.get("contacts"), file, context, collector)
     images = _images_by_id(document, file, collector)
     shapes: dict[str, list[DrawnShape]] = {image_id: [] for image_id in images}
     lost = 0

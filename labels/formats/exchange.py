@@ -22,7 +22,7 @@ from core.files import replace_file
 from core.foreign_tables import separator_of, with_point
 from core.registry import Registry
 from core.text import compression_of, decode_text, encoding_of
-from labels.model import Label, LabelState, PositionSource, Provenance
+from labels.model import ContactLabel, Label, LabelState, PositionSource, Provenance
 
 CLASS_NAME = "ball"
 HALF_PIXEL = 0.5
@@ -47,6 +47,8 @@ class LabelSet:
     """By time."""
     frames_us: tuple[int, ...] | None = None
     """Every picture of the clip, labelled or not, for formats that have a row for each; None: the labelled ones."""
+    contacts: tuple[ContactLabel, ...] = ()
+    """Bounces, hits and net touches, by time; for formats that hold them."""
 
     @property
     def unchecked_us(self) -> tuple[int, ...]:
@@ -103,6 +105,8 @@ class Imported:
     """What was found elsewhere, or scaled: a line each."""
     places: tuple[tuple[Path, int], ...] = ()
     """File and line of each label; empty if they are not known."""
+    contacts: tuple[ContactLabel, ...] = ()
+    """Bounces, hits and net touches, by time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -238,6 +242,8 @@ class LabelFormat:
     """Whether its tools want the pictures beside it."""
     label: str = ""
     """What the app calls it; empty: it is for the command line only."""
+    contacts: bool = False
+    """Whether it holds contacts too; else they are counted as a loss."""
 
 
 FORMATS: Final[Registry[LabelFormat]] = Registry("label format", "rallyscope.label_formats")
@@ -245,7 +251,14 @@ FORMATS: Final[Registry[LabelFormat]] = Registry("label format", "rallyscope.lab
 
 
 def register_label_format(
-    name: str, write: Writer, read: Reader, label: str, summary: str = "", *, pictures: bool = False
+    name: str,
+    write: Writer,
+    read: Reader,
+    label: str,
+    summary: str = "",
+    *,
+    pictures: bool = False,
+    contacts: bool = False,
 ) -> None:
     """Add a format of labels: to `labels import` and `labels export`, and to the app's list of formats.
 
@@ -256,6 +269,7 @@ def register_label_format(
         label: what the app calls it; empty: it is for the command line only.
         summary: a line of help; empty: the label.
         pictures: whether its tools want the pictures beside it.
+        contacts: whether it writes and reads the contacts of a `LabelSet`.
 
     Raises:
         PluginError: if the name is taken, or one of these does not fit.
@@ -266,7 +280,7 @@ def register_label_format(
         raise PluginError("no way to write and read it", expected=expected, where=where)
     if not isinstance(label, str) or not (summary or label).strip():
         raise PluginError("no label", expected="what the format is called", got=repr(label), where=where)
-    FORMATS.register(name, LabelFormat(name, summary or label, write, read, pictures, label))
+    FORMATS.register(name, LabelFormat(name, summary or label, write, read, pictures, label, contacts))
 
 
 def rejection_of(file: Path, line: int, reason: object) -> Rejection:
@@ -290,6 +304,7 @@ class Collector:
     def __init__(self) -> None:
         self._labels: dict[int, Label] = {}
         self._places: dict[int, tuple[Path, int]] = {}
+        self._contacts: dict[int, ContactLabel] = {}
         self._rejections: list[Rejection] = []
         self._notes: list[str] = []
         self.files = 0
@@ -323,13 +338,21 @@ class Collector:
             self._labels[label.t_us] = label
             self._places[label.t_us] = (file, line)
 
+    def add_contact(self, contact: ContactLabel, file: Path, line: int) -> None:
+        """Take a contact; a second one of the same time is rejected."""
+        if contact.t_us in self._contacts:
+            self.reject(file, line, LabelError(f"a second contact at {contact.t_us} us; the first one is kept"))
+        else:
+            self._contacts[contact.t_us] = contact
+
     def done(self) -> Imported:
         """Give back what was gathered."""
         labels = tuple(label for _, label in sorted(self._labels.items()))
         order = {file: number for number, file in enumerate(dict.fromkeys(item.file for item in self._rejections))}
         rejections = sorted(self._rejections, key=lambda item: (order[item.file], item.line))
         places = tuple(self._places[label.t_us] for label in labels)
-        return Imported(labels, tuple(rejections), self.files, tuple(self._notes), places)
+        contacts = tuple(contact for _, contact in sorted(self._contacts.items()))
+        return Imported(labels, tuple(rejections), self.files, tuple(self._notes), places, contacts)
 
 
 def camera_stem(camera: str) -> str:

@@ -1,4 +1,4 @@
-"""A label as one flat row: the columns of plain CSV and of HDF5, which lose nothing."""
+"""A label, or a contact, as one flat row: the columns of plain CSV, JSON and HDF5, which lose nothing."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Final
 
 from core.errors import LabelError
 from labels.formats.exchange import finite
-from labels.model import Label, LabelState, PositionSource, Provenance
+from labels.model import ContactKind, ContactLabel, Label, LabelState, PositionSource, Provenance
 
 Value = int | float | str | None
 
@@ -31,13 +31,19 @@ COLUMNS: Final = {
 }
 """Name and type of each column, in order."""
 REQUIRED: Final = ("t_us", "state", "x_px", "y_px")
+CONTACT_COLUMNS: Final = {
+    "t_us": int,
+    "kind": str,
+    "sigma_us": float,
+    **{name: COLUMNS[name] for name in COLUMNS if list(COLUMNS).index(name) >= list(COLUMNS).index("source")},
+}
+"""Name and type of each column of a contact, in order."""
+REQUIRED_OF_CONTACT: Final = ("t_us", "kind")
 
 
 def flat_row(label: Label) -> dict[str, Value]:
     """Every column of a label; None where it says nothing."""
-    made = label.provenance
     xx, xy, yy = label.covariance_px2 or (None, None, None)
-    start, end = made.window_us or (None, None)
     return {
         "t_us": label.t_us,
         "state": label.state.value,
@@ -47,6 +53,23 @@ def flat_row(label: Label) -> dict[str, Value]:
         "cov_xx_px2": xx,
         "cov_xy_px2": xy,
         "cov_yy_px2": yy,
+        **_provenance_row(label.provenance),
+    }
+
+
+def contact_row(contact: ContactLabel) -> dict[str, Value]:
+    """Every column of a contact; None where it says nothing."""
+    return {
+        "t_us": contact.t_us,
+        "kind": contact.kind.value,
+        "sigma_us": contact.sigma_us,
+        **_provenance_row(contact.provenance),
+    }
+
+
+def _provenance_row(made: Provenance) -> dict[str, Value]:
+    start, end = made.window_us or (None, None)
+    return {
         "source": made.source.value,
         "annotator": made.annotator,
         "made_at_us": made.made_at_us,
@@ -59,6 +82,23 @@ def flat_row(label: Label) -> dict[str, Value]:
     }
 
 
+def contact_of_row(row: dict[str, str], origin: str) -> ContactLabel:
+    """The contact of a row of texts; columns may be absent or empty, except time and kind.
+
+    Raises:
+        LabelError: if a value is missing or impossible.
+    """
+    kind = row["kind"].strip().lower()
+    if kind not in tuple(ContactKind):
+        raise LabelError("unknown kind of contact", expected=f"one of {', '.join(ContactKind)}", got=repr(kind)[:80])
+    return ContactLabel(
+        t_us=_whole(row["t_us"], "t_us"),
+        kind=ContactKind(kind),
+        sigma_us=finite(row["sigma_us"], "sigma_us") if row.get("sigma_us") else None,
+        provenance=_provenance_of(row, origin),
+    )
+
+
 def label_of_row(row: dict[str, str], origin: str) -> Label:
     """The label of a row of texts; columns may be absent or empty, except time and state.
 
@@ -69,15 +109,27 @@ def label_of_row(row: dict[str, str], origin: str) -> Label:
     def number(name: str) -> float | None:
         return finite(row[name], name) if row.get(name) else None
 
+    xx, xy, yy = number("cov_xx_px2"), number("cov_xy_px2"), number("cov_yy_px2")
+    covariance = None if xx is None or xy is None or yy is None else (xx, xy, yy)
+    return Label(
+        t_us=_whole(row["t_us"], "t_us"),
+        state=_state(row["state"]),
+        x_px=number("x_px"),
+        y_px=number("y_px"),
+        r_px=number("r_px"),
+        covariance_px2=covariance,
+        provenance=_provenance_of(row, origin),
+    )
+
+
+def _provenance_of(row: dict[str, str], origin: str) -> Provenance:
     def whole(name: str, default: int = 0) -> int:
         return _whole(row[name], name) if row.get(name) else default
 
-    xx, xy, yy = number("cov_xx_px2"), number("cov_xy_px2"), number("cov_yy_px2")
-    covariance = None if xx is None or xy is None or yy is None else (xx, xy, yy)
     window = None
     if row.get("window_start_us") and row.get("window_end_us"):
         window = (whole("window_start_us"), whole("window_end_us"))
-    provenance = Provenance(
+    return Provenance(
         source=PositionSource(row["source"]) if row.get("source") else PositionSource.IMPORTED,
         annotator=row.get("annotator", ""),
         made_at_us=whole("made_at_us"),
@@ -86,15 +138,6 @@ def label_of_row(row: dict[str, str], origin: str) -> Label:
         window_us=window,
         rendering=row.get("rendering", ""),
         time_spent_ms=whole("time_spent_ms"),
-    )
-    return Label(
-        t_us=_whole(row["t_us"], "t_us"),
-        state=_state(row["state"]),
-        x_px=number("x_px"),
-        y_px=number("y_px"),
-        r_px=number("r_px"),
-        covariance_px2=covariance,
-        provenance=provenance,
     )
 
 

@@ -73,8 +73,11 @@ def import_labels(format_name: str, path: Path, context: ImportContext) -> Impor
             kept.append((label, place))
         else:
             rejected.append(rejection_of(*place, problem))
+    late = [contact for contact in found.contacts if _is_late(contact.t_us, context)]
+    rejected += [rejection_of(path, 1, _late_error(contact.t_us, context)) for contact in late]
     return replace(
         found,
+        contacts=tuple(contact for contact in found.contacts if contact not in late),
         labels=tuple(label for label, _ in kept),
         places=tuple(place for _, place in kept),
         rejections=(*found.rejections, *rejected),
@@ -83,10 +86,8 @@ def import_labels(format_name: str, path: Path, context: ImportContext) -> Impor
 
 def _problem_of(label: Label, context: ImportContext) -> LabelError | None:
     """Why one label cannot be of this recording."""
-    if context.end_us is not None and label.t_us > context.end_us + AFTER_END_US:
-        expected = f"0 to {context.end_us} us"
-        remedy = "are the labels or the --frame-times those of another recording?"
-        return LabelError("the time lies after the recording", expected=expected, got=label.t_us, remedy=remedy)
+    if _is_late(label.t_us, context):
+        return _late_error(label.t_us, context)
     if label.state.seen and label.x_px is not None and label.y_px is not None:
         width, height = context.sensor.width_px, context.sensor.height_px
         inside = -HALF_PIXEL <= label.x_px <= width - HALF_PIXEL and -HALF_PIXEL <= label.y_px <= height - HALF_PIXEL
@@ -94,6 +95,16 @@ def _problem_of(label: Label, context: ImportContext) -> LabelError | None:
             got = f"({label.x_px:.1f}, {label.y_px:.1f})"
             return LabelError("the centre is outside the picture", expected=f"within {context.sensor}", got=got)
     return None
+
+
+def _is_late(t_us: int, context: ImportContext) -> bool:
+    return context.end_us is not None and t_us > context.end_us + AFTER_END_US
+
+
+def _late_error(t_us: int, context: ImportContext) -> LabelError:
+    remedy = "are the labels or the --frame-times those of another recording?"
+    expected = f"0 to {context.end_us} us"
+    return LabelError("the time lies after the recording", expected=expected, got=t_us, remedy=remedy)
 
 
 def _problem_of_all(found: Imported, context: ImportContext) -> LabelError | None:

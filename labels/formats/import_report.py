@@ -39,12 +39,15 @@ class ImportReport:
     first_us: int | None
     """Time of the first label that was taken, as `last_us` that of the last; None if none was."""
     last_us: int | None
+    contacts: int = 0
+    """Bounces, hits and net touches that were taken."""
 
     @property
     def rows(self) -> tuple[tuple[str, str], ...]:
         """What, and how many."""
         reasons = ((f"rejected: {item.reason}", f"{item.count}") for item in self.rejected)
-        return (("files", f"{self.files}"), ("taken", f"{self.taken}"), *reasons)
+        contacts = (("contacts", f"{self.contacts}"),) if self.contacts else ()
+        return (("files", f"{self.files}"), ("taken", f"{self.taken}"), *contacts, *reasons)
 
 
 def report_of(imported: Imported) -> ImportReport:
@@ -63,7 +66,7 @@ def report_of(imported: Imported) -> ImportReport:
     states = dict(sorted(Counter(str(label.state) for label in imported.labels).items()))
     return ImportReport(
         imported.files, len(times), rejected, examples, imported.notes,
-        states, min(times, default=None), max(times, default=None),
+        states, min(times, default=None), max(times, default=None), len(imported.contacts),
     )  # fmt: skip
 
 

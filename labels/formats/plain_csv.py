@@ -1,5 +1,7 @@
 """Plain CSV: one row a label with everything it says, pixel centres at whole numbers, times in microseconds.
 
+Contacts are in a table of their own beside it, `<camera>.contacts.csv`: time, kind, uncertainty, and who made them.
+
 Read is also a 2D track of another tool: a table with a time (or the step to the row before), x and y, perhaps a radius.
 `t_us,x,y` or any usual spelling of the columns; `dt` counts from the row before, the first from 0; a column `frame` has
 its times in `--frame-times`. A time without a unit is in us if all are whole numbers, else in s, and a note says so.
@@ -11,6 +13,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -35,7 +38,17 @@ from labels.formats.exchange import (
     whole_number,
     write_text,
 )
-from labels.formats.flat import COLUMNS, REQUIRED, flat_row, label_of_row
+from labels.formats.flat import (
+    COLUMNS,
+    CONTACT_COLUMNS,
+    REQUIRED,
+    REQUIRED_OF_CONTACT,
+    Value,
+    contact_of_row,
+    contact_row,
+    flat_row,
+    label_of_row,
+)
 from labels.model import Label, LabelState
 
 _TIMES: Final = "t|dt|time|timestamp|ts|delta_?t"
@@ -116,13 +129,22 @@ def _likely_unit(rows: list[tuple[int, list[str]]], columns: TrackColumns) -> st
 
 
 def write_csv(labels: LabelSet, folder: Path, options: ExportOptions) -> Exported:
-    """`<camera>.csv` in the folder."""
+    """`<camera>.csv` in the folder, and `<camera>.contacts.csv` if there are contacts."""
+    stem = camera_stem(labels.camera)
+    files = [write_text(folder / f"{stem}.csv", _table(list(COLUMNS), map(flat_row, labels.labels)))]
+    if labels.contacts:
+        text = _table(list(CONTACT_COLUMNS), map(contact_row, labels.contacts))
+        files.append(write_text(folder / f"{stem}.contacts.csv", text))
+    return Exported(tuple(files), ())
+
+
+def _table(columns: list[str], rows: Iterable[dict[str, Value]]) -> str:
     text = io.StringIO()
-    writer = csv.DictWriter(text, list(COLUMNS), lineterminator="\n")
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
     writer.writeheader()
-    for label in labels.labels:
-        writer.writerow({name: "" if value is None else value for name, value in flat_row(label).items()})
-    return Exported((write_text(folder / f"{camera_stem(labels.camera)}.csv", text.getvalue()),), ())
+    for row in rows:
+        writer.writerow({name: "" if value is None else value for name, value in row.items()})
+    return text.getvalue()
 
 
 def read_csv(path: Path, context: ImportContext) -> Imported:
@@ -145,6 +167,9 @@ def _read_file(text: str, file: Path, context: ImportContext, collector: Collect
     if is_deeplabcut(header):
         read_deeplabcut(header, rows, file, context, collector)
         return
+    if set(REQUIRED_OF_CONTACT) <= set(header) <= set(CONTACT_COLUMNS) and len(set(header)) == len(header):
+        _read_contacts(rows, header, file, context, collector)
+        return
     if "state" not in header and (columns := track_columns([name.lower() for name in header])) is not None:
         read_track(list(rows), columns, file, context, collector)
         return
@@ -158,3 +183,14 @@ def _read_file(text: str, file: Path, context: ImportContext, collector: Collect
         return label_of_row(dict(zip(header, (field.strip() for field in fields), strict=True)), context.origin)
 
     add_rows(rows, len(header), file, collector, label_of)
+
+
+def _read_contacts(
+    rows: Iterable[tuple[int, list[str]]], header: list[str], file: Path, context: ImportContext, collector: Collector
+) -> None:
+    for line, fields in rows:
+        with collector.entry(file, line):
+            if len(fields) != len(header):
+                raise LabelError("wrong number of fields", expected=len(header), got=len(fields))
+            row = dict(zip(header, (field.strip() for field in fields), strict=True))
+            collector.add_contact(contact_of_row(row, context.origin), file, line)

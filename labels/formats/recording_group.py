@@ -7,6 +7,7 @@ group, and takes the recording's place in one step.
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import h5py
@@ -16,9 +17,21 @@ from core.errors import LabelError, RecordingError
 from core.files import replacing
 from core.recordings.hdf5 import HDF5_ERRORS, dataset_at, group_at, has_item, kind_at, names_in, read_whole
 from labels.formats.exchange import Collector, Exported, ExportOptions, ImportContext, Imported, LabelSet
-from labels.formats.flat import COLUMNS, REQUIRED, Value, flat_row, label_of_row
+from labels.formats.flat import (
+    COLUMNS,
+    CONTACT_COLUMNS,
+    REQUIRED,
+    REQUIRED_OF_CONTACT,
+    Value,
+    contact_of_row,
+    contact_row,
+    flat_row,
+    label_of_row,
+)
 
 VERSION = 1
+CONTACTS = "contacts"
+"""Group of the contacts within that of the camera; earlier versions pass over it."""
 NO_NUMBER = -1
 """For whole numbers that a label does not say; all real ones are 0 or more."""
 
@@ -54,8 +67,14 @@ def write_group(file: h5py.File, labels: LabelSet, path: Path) -> None:
     group.attrs["annotator"] = labels.annotator
     group.attrs["coordinates"] = "pixel centres at whole numbers, distorted picture"
     group.attrs["width"], group.attrs["height"] = labels.sensor.width_px, labels.sensor.height_px
-    rows = [flat_row(label) for label in labels.labels]
-    for column, kind in COLUMNS.items():
+    _write_columns(group, COLUMNS, [flat_row(label) for label in labels.labels])
+    if labels.contacts:
+        contacts = group.create_group(CONTACTS)
+        _write_columns(contacts, CONTACT_COLUMNS, [contact_row(contact) for contact in labels.contacts])
+
+
+def _write_columns(group: h5py.Group, columns: Mapping[str, type], rows: list[dict[str, Value]]) -> None:
+    for column, kind in columns.items():
         values = [row[column] for row in rows]
         group.create_dataset(column, data=_column(values, kind), compression="gzip" if rows else None)
 
@@ -103,15 +122,29 @@ def _group_name(camera: str) -> str:
 
 def read_group(group: h5py.Group, path: Path, context: ImportContext, collector: Collector) -> None:
     """The labels of one `/labels/<camera>`."""
-    columns = {name: read_whole(dataset_at(group, name)) for name in COLUMNS if kind_at(group, name) is h5py.Dataset}
-    missing = set(REQUIRED) - set(columns)
+    for line, texts in _rows(group, COLUMNS, REQUIRED, path, collector):
+        with collector.entry(path, line):
+            collector.add(label_of_row(texts, context.origin), path, line)
+    if kind_at(group, CONTACTS) is h5py.Group:
+        within = group_at(group, CONTACTS)
+        for line, texts in _rows(within, CONTACT_COLUMNS, REQUIRED_OF_CONTACT, path, collector):
+            with collector.entry(path, line):
+                collector.add_contact(contact_of_row(texts, context.origin), path, line)
+
+
+def _rows(
+    group: h5py.Group, kinds: Mapping[str, type], required: Sequence[str], path: Path, collector: Collector
+) -> Iterator[tuple[int, dict[str, str]]]:
+    """(number from 1, texts by column) of each row; nothing after a rejection of the columns."""
+    columns = {name: read_whole(dataset_at(group, name)) for name in kinds if kind_at(group, name) is h5py.Dataset}
+    missing = set(required) - set(columns)
     if missing or len({np.shape(column) for column in columns.values()}) != 1:
         collector.reject(path, 1, f"columns of /labels are missing or differ in length: {sorted(missing)}")
         return
     for row in range(len(columns["t_us"])):
         with collector.entry(path, row + 1):
-            texts = {name: _text(column[row], COLUMNS[name]) for name, column in columns.items()}
-            collector.add(label_of_row(texts, context.origin), path, row + 1)
+            texts = {name: _text(column[row], kinds[name]) for name, column in columns.items()}
+            yield row + 1, texts
 
 
 def _text(value: object, kind: type) -> str:

@@ -32,6 +32,7 @@ from app.widgets import Listing, titles_of, when_clicked
 from core.errors import CommandError, LabelError, RallyscopeError
 from core.files import end_unfinished
 from core.live.ring_recording import RingRecording
+from labels.contacts import new_contacts
 from labels.formats import FORMATS
 from labels.store import LabelStore
 
@@ -245,7 +246,8 @@ class LabelImports:
             self._panel.show(note_html(html_text(text), theme.BAD), None, 0)
             return
         self._preview = answer
-        self._panel.show(preview_html(answer, ask.path.parent), answer.picture, answer.report.taken)
+        taken = answer.report.taken + answer.report.contacts
+        self._panel.show(preview_html(answer, ask.path.parent), answer.picture, taken)
 
     def _discard(self) -> None:
         self._preview = None
@@ -265,11 +267,13 @@ class LabelImports:
         folder = self._host.services.label_stores.folder
         try:
             with LabelStore.open(folder, ask.recording_uuid, ask.camera, ask.annotator, tool=TOOL) as store:
-                new = [label for label in ask.preview.found.labels if store.at(label.t_us) is None]
-                store.edit(put=new)
+                found = ask.preview.found
+                new = [label for label in found.labels if store.at(label.t_us) is None]
+                contacts = new_contacts(found.contacts, store.contacts())
+                store.edit(put=new, put_contacts=contacts)
         except LabelError as error:
             return error
-        return len(new), len(ask.preview.found.labels) - len(new)
+        return len(new) + len(contacts), len(found.labels) + len(found.contacts) - len(new) - len(contacts)
 
     def _stored(self, ask: AcceptAsk, answer: tuple[int, int] | LabelError) -> None:
         if isinstance(answer, LabelError):

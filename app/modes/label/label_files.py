@@ -28,7 +28,7 @@ from labels.formats.import_check import ImportChoices, import_context, import_la
 from labels.formats.import_report import ImportReport, describe_label, report_of
 from labels.formats.picture_times import FrameTimes, read_frame_times
 from labels.formats.pictures import draw_events, write_pictures
-from labels.model import Label
+from labels.model import ContactLabel, Label
 from labels.store_contents import copy_store
 
 PICTURES_SHARE: Final = 0.7
@@ -52,6 +52,8 @@ class LabelFilesRequest:
     window_us: int = 2000
     """Length of a picture of events, where a label does not know its own."""
     options: ExportOptions = field(default_factory=ExportOptions)
+    contacts: tuple[ContactLabel, ...] = ()
+    """Bounces, hits and net touches, by time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +64,7 @@ class LabelFiles:
     files: tuple[Path, ...]
     pictures: tuple[Path, ...]
     losses: tuple[str, ...]
+    contacts: int = 0
 
 
 def write_label_files(
@@ -77,14 +80,17 @@ def write_label_files(
     if request.pictures and not kind.pictures:
         raise CommandError(f"{kind.name} has no pictures", where="--pictures")
     frames_us = request.frames_us if source.frames_us is None else tuple(source.frames_us.tolist())
-    of_set = LabelSet(request.recording_uuid, source.name, request.annotator, source.size, labels, frames_us)
+    contacts = request.contacts if kind.contacts else ()
+    of_set = LabelSet(request.recording_uuid, source.name, request.annotator, source.size, labels, frames_us, contacts)
     written = kind.write(of_set, out, request.options)
+    lost = len(request.contacts) - len(contacts)
+    losses = (*written.losses, *((f"{lost} x contact (bounce, hit, net)",) if lost else ()))
     pictures: tuple[Path, ...] = ()
     if request.pictures and source.stream is not None:
         pictures = write_pictures(source.stream, labels, out, window_us=request.window_us, progress=progress)
     elif request.pictures:
         pictures = write_frames(source, labels, out, progress)
-    return LabelFiles(len(labels), written.files, pictures, written.losses)
+    return LabelFiles(len(labels), written.files, pictures, losses, len(contacts))
 
 
 def zip_label_files(request: LabelFilesRequest, path: Path, progress: Progress, cancelled: Cancelled) -> LabelFiles:
@@ -95,7 +101,7 @@ def zip_label_files(request: LabelFilesRequest, path: Path, progress: Progress, 
         LabelError: if there are no labels, or the format cannot hold them.
         ExportCancelledError: if `cancelled()` is true; there is no file then.
     """
-    if not request.labels:
+    if not request.labels and not request.contacts:
         remedy = "label something first, or choose another annotator or camera"
         raise LabelError("no labels to export", got=f"camera {request.source.name}, {request.annotator}", remedy=remedy)
 
@@ -280,5 +286,5 @@ def preview_html(preview: ImportPreview, folder: Path) -> str:
     rejected = [example for reason in report.rejected for example in reason.examples[:of_each]]
     lines += [html_text(example.replace(f"{folder}{os.sep}", "")) for example in rejected[:MAX_REJECTED]]
     lines += [html_text(note.replace(f"{folder}{os.sep}", "")) for note in report.notes]
-    colour = theme.MUTED if report.taken else theme.BAD
+    colour = theme.MUTED if report.taken or report.contacts else theme.BAD
     return f"<table style='margin:2px 12px'>{rows}</table>" + "".join(note_html(line, colour) for line in lines)

@@ -20,7 +20,8 @@ from app.state.commands import AskForScore
 from app.widgets import titles_of, when_clicked
 from core.errors import CommandError
 from labels.formats import FORMATS, ExportOptions
-from labels.store import LabelStore, has_labels
+from labels.model import ContactLabel, Label
+from labels.store import LabelStore, Layer, has_labels
 
 STYLE: Final = "padding:2px 12px;font-size:12.5px;line-height:1.45"
 
@@ -142,12 +143,14 @@ class LabelResults:
             if chosen == STORE:
                 self._made = copy_label_store(folder, layer.recording_uuid, path)
                 return (path,)
+            labels, contacts = _stored_in(folder, layer)
             request = LabelFilesRequest(
                 format=chosen,
                 recording_uuid=layer.recording_uuid,
                 annotator=layer.annotator,
                 source=source,
-                labels=LabelStore.read(folder, layer).all() if has_labels(folder, layer) else (),
+                labels=labels,
+                contacts=contacts,
                 pictures=pictures,
                 options=ExportOptions(drop_unchecked=True),
             )
@@ -169,6 +172,14 @@ class LabelResults:
         state = self._host.services.exporter.state()
         if state is not None and state.name == self._name:
             self._host.services.exporter.cancel()
+
+
+def _stored_in(folder: Path, layer: Layer) -> tuple[tuple[Label, ...], tuple[ContactLabel, ...]]:
+    """Labels and contacts of a layer; none if nobody has begun it."""
+    if not has_labels(folder, layer):
+        return (), ()
+    with LabelStore.read(folder, layer) as store:
+        return store.all(), store.contacts()
 
 
 def _wait_until_saved(editor: LabelEditor) -> None:

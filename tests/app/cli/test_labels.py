@@ -11,7 +11,7 @@ from benchmarks.labels.assistance import MIDDLE_US, SENSOR, draw_clip
 from core.events import Events
 from core.recordings import RecordingWriter, open_recording
 from labels.conflicts import settlement
-from labels.model import Label, LabelState, PositionSource, Provenance
+from labels.model import ContactKind, ContactLabel, Label, LabelState, PositionSource, Provenance
 from labels.store import LabelStore, Layer, find_layers
 from labels.store_contents import read_store
 
@@ -55,7 +55,7 @@ def common(recording: Path, data: Path) -> list[object]:
 
 
 @pytest.mark.parametrize(
-    "name", ["voc", "yolo", "yolo-pose", "coco", "tracknet", "cvat", "label-studio", "csv", "hdf5", "sony"]
+    "name", ["voc", "yolo", "yolo-pose", "coco", "tracknet", "cvat", "label-studio", "csv", "json", "hdf5", "sony"]
 )
 def test_labels_go_out_and_come_back(
     capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path, name: str
@@ -377,3 +377,28 @@ def test_a_check_of_an_import_has_its_figures_and_writes_nothing(
     for name in ("anna", "bea"):
         words = ["import", table, *common(recording, data), "--format", "csv", "--annotator", name, "--json"]
         assert json.loads(call(capsys, *words)[1]) == found[name]
+
+
+def test_contacts_go_out_come_back_and_are_compared(
+    capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path
+) -> None:
+    table = tmp_path / "contacts.csv"
+    table.write_text(f"t_us,kind\n{MIDDLE_US},bounce\n{MIDDLE_US + 4000},HIT\n9,serve\n{10**12},net\n")
+    words = ["import", table, *common(recording, data), "--format", "csv", "--annotator", "bea"]
+    code, text, _ = call(capsys, *words, "--json")
+    found = json.loads(text)
+    assert code == 0 and found["contacts"] == 2 and found["imported"] == 0
+    assert len(found["rejected"]) == 2 and "contacts.csv:4: unknown kind of contact" in " ".join(found["rejected"])
+    assert "0 of 2 contacts imported" in call(capsys, *words)[1], "those that are there are not doubled"
+    moved = ContactLabel(t_us=MIDDLE_US + 500, kind=ContactKind.BOUNCE)
+    with LabelStore.open(data / "labels", UUID, "left", "anna") as store:
+        store.edit(put_contacts=[moved])
+    words = ["agree", *common(recording, data), "--annotator", "anna", "--with", "bea"]
+    found = json.loads(call(capsys, *words, "--json")[1])["contacts"]
+    assert (found["common"], found["only_second"], found["time"]["median_us"]) == (1, 1, 500)
+    assert "bounce (1): median 0.50 ms" in call(capsys, *words)[1]
+    words = ["export", *common(recording, data), "--annotator", "bea", "--out", tmp_path / "out"]
+    assert json.loads(call(capsys, *words, "--format", "csv", "--json")[1])["contacts"] == 2
+    assert (tmp_path / "out" / "left.contacts.csv").read_text().splitlines()[1].startswith(f"{MIDDLE_US},bounce,")
+    losses = json.loads(call(capsys, *words, "--format", "tracknet", "--json")[1])["losses"]
+    assert "2 x contact (bounce, hit, net)" in losses

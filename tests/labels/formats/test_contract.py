@@ -11,7 +11,7 @@ import pytest
 
 from core.files import PREFIX
 from labels.formats import FORMATS, ExportOptions, ImportContext, LabelFormat, LabelSet
-from labels.model import Label, LabelState, Provenance
+from labels.model import ContactKind, ContactLabel, Label, LabelState, PositionSource, Provenance
 from tests.labels.formats.damaged_exchange import damage_and_read
 
 WORST_ERROR_PX = {
@@ -24,10 +24,11 @@ WORST_ERROR_PX = {
     "cvat": 0.01,
     "csv": 0.0,
     "hdf5": 0.0,
+    "json": 0.0,
     "sony": 0.0,
 }
-EXACT = ("csv", "hdf5")
-KEEPS_STATES = ("voc", "coco", "cvat", "csv", "hdf5", "label-studio", "sony")
+EXACT = ("csv", "hdf5", "json")
+KEEPS_STATES = ("voc", "coco", "cvat", "csv", "hdf5", "json", "label-studio", "sony")
 
 
 @pytest.fixture(params=sorted(FORMATS))
@@ -217,3 +218,19 @@ def test_a_point_without_a_size_becomes_a_ball_whose_radius_is_not_known(
     assert [(label.t_us, label.state, label.r_px) for label in imported.labels] == [
         (1_000_000, LabelState.VISIBLE, None)
     ]
+
+
+def test_contacts_come_back_from_every_format_that_holds_them(
+    kind: LabelFormat, balls: LabelSet, context: ImportContext, tmp_path: Path
+) -> None:
+    made = Provenance(source=PositionSource.CORRECTED, annotator="Åsa", made_at_us=3, detector="auto#1", tool="t")
+    contacts = (
+        ContactLabel(t_us=0, kind=ContactKind.HIT),
+        ContactLabel(t_us=1_000_003, kind=ContactKind.BOUNCE, sigma_us=0.1, provenance=made),
+        ContactLabel(t_us=1_200_000, kind=ContactKind.NET, sigma_us=250.0),
+    )
+    kind.write(dataclasses.replace(balls, contacts=contacts), target(kind, tmp_path), ExportOptions())
+    imported = kind.read(target(kind, tmp_path), context)
+    assert imported.rejections == () and len(imported.labels) == len(balls.labels)
+    assert imported.contacts == (contacts if kind.contacts else ())
+    assert kind.contacts == (kind.name in (*EXACT, "coco", "sony"))

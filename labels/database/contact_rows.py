@@ -1,0 +1,92 @@
+"""A contact as a row of `contact_changes`, and back."""
+
+from __future__ import annotations
+
+import sqlite3
+from typing import Final
+
+from core.errors import LabelError
+from labels.database.rows import Values
+from labels.database.schema import holds_contacts
+from labels.model import ContactKind, ContactLabel, PositionSource, Provenance
+
+CONTACT_COLUMNS: Final = (
+    "kind",
+    "sigma_us",
+    "source",
+    "annotator",
+    "made_at_us",
+    "tool",
+    "detector",
+    "window_start_us",
+    "window_end_us",
+    "rendering",
+    "time_spent_ms",
+)
+"""What a change says of its time, in order."""
+NO_CONTACT: Final[Values] = (None,) * len(CONTACT_COLUMNS)
+"""The change that takes a contact away."""
+LISTED_CONTACT: Final = ", ".join(CONTACT_COLUMNS)
+
+
+def values_of_contact(contact: ContactLabel) -> Values:
+    """The columns of a contact, without its time."""
+    made = contact.provenance
+    return (
+        contact.kind.value,
+        contact.sigma_us,
+        made.source.value,
+        made.annotator,
+        made.made_at_us,
+        made.tool,
+        made.detector,
+        *(made.window_us or (None, None)),
+        made.rendering,
+        made.time_spent_ms,
+    )
+
+
+def contact_of(t_us: int, values: Values) -> ContactLabel:
+    """The contact that `values_of_contact` took apart.
+
+    Raises:
+        LabelError: if a value is impossible: something else than this program wrote it.
+    """
+    kind, sigma, source, by, at_us, tool, detector, begin, end, rendering, spent = values
+    try:
+        provenance = Provenance(
+            source=PositionSource(source),
+            annotator=str(by),
+            made_at_us=int(at_us or 0),
+            tool=str(tool or ""),
+            detector=str(detector or ""),
+            window_us=None if begin is None or end is None else (int(begin), int(end)),
+            rendering=str(rendering or ""),
+            time_spent_ms=int(spent or 0),
+        )
+        sigma_us = None if sigma is None else float(sigma)
+        return ContactLabel(t_us=t_us, kind=ContactKind(kind), sigma_us=sigma_us, provenance=provenance)
+    except ValueError as error:
+        raise LabelError("not a contact", got=error, where=f"contact at {t_us} us") from error
+
+
+def current_contacts(db: sqlite3.Connection, layer: int, *, upto: int) -> list[tuple[int, Values]]:
+    """(time, columns) of every contact of a layer as it was after the edit `upto`, by time."""
+    if not holds_contacts(db):
+        return []
+    rows = db.execute(
+        f"SELECT t_us, max(edit), {LISTED_CONTACT} FROM contact_changes WHERE layer = ? AND edit <= ? "
+        "GROUP BY t_us HAVING kind IS NOT NULL ORDER BY t_us",
+        (layer, upto),
+    )
+    return [(row[0], row[2:]) for row in rows]
+
+
+def contact_at(db: sqlite3.Connection, layer: int, t_us: int, *, upto: int) -> Values | None:
+    """The contact of one time after the edit `upto`; None: there is none."""
+    row = db.execute(
+        f"SELECT {LISTED_CONTACT} FROM contact_changes WHERE layer = ? AND t_us = ? AND edit <= ? "
+        "ORDER BY edit DESC LIMIT 1",
+        (layer, t_us, upto),
+    ).fetchone()
+    return None if row is None or row[0] is None else row

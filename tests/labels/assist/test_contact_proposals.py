@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from core.cameras import Camera
+from core.cameras.presets import stereo_preset
+from core.physics import PhysicsConfig
+from core.recordings import PixelTruth
+from core.simulation.bodies.rally_flight import draw_flights
+from core.simulation.flights import FlightSeries, LaunchConfig
+from core.simulation.scenes.scene import SceneConfig
+from core.simulation.truth import ball_truth, pixel_truths, truth_times
+from labels.assist.contact_proposals import propose_contacts
+from labels.assist.propose import Proposals
+from labels.contacts import contacts_of_truth, score_contacts
+from labels.model import ContactKind, ContactLabel
+
+CAMERAS: Mapping[str, Camera] = stereo_preset("side")
+WINDOW_US = 2_000
+END_US = 3_000_000
+
+
+@pytest.fixture(scope="module")
+def rally() -> FlightSeries:
+    """The first strokes of a rally of two players at 5 m/s."""
+    series, _ = draw_flights(
+        SceneConfig(cast="rally"), [LaunchConfig(speed_mps=5.0)], np.random.default_rng(3), PhysicsConfig()
+    )
+    return series
+
+
+def detected(path: FlightSeries, rng: np.random.Generator, sigma_px: float = 0.3) -> tuple[Proposals, ...]:
+    """What a detector that misses 3 %, and is 10 px off in 1 %, finds in each camera."""
+    t_us = np.arange(0, END_US, WINDOW_US)
+    return tuple(_found(truth, rng, sigma_px) for truth in pixel_truths(CAMERAS, path, t_us).values())
+
+
+def _found(truth: PixelTruth, rng: np.random.Generator, sigma_px: float) -> Proposals:
+    kept = truth.visible & (rng.random(len(truth.t_us)) > 0.03)
+    count = int(kept.sum())
+    off = rng.normal(0, sigma_px, (count, 2)) + rng.normal(0, 10, (count, 2)) * (rng.random((count, 1)) < 0.01)
+    x, y = truth.u_px[kept] + off[:, 0], truth.v_px[kept] + off[:, 1]
+    return Proposals(truth.t_us[kept], x, y, truth.r_px[kept], np.full((count, 3), np.nan), WINDOW_US, "trial#1")
+
+
+def seen_contacts(path: FlightSeries, parts: tuple[Proposals, ...]) -> list[ContactLabel]:
+    """The true ones with six positions of each camera within 40 ms on either side."""
+
+    def known(t_us: int) -> bool:
+        spans = ((t_us - 40_000, t_us), (t_us, t_us + 40_000))
+        return all(((part.t_us > a) & (part.t_us < b)).sum() >= 6 for part in parts for a, b in spans)
+
+    truth = contacts_of_truth(ball_truth(path, truth_times(path, 0, END_US)))
+    return [contact for contact in truth if known(contact.t_us)]
+
+
+def test_every_bounce_and_hit_of_a_rally_is_proposed_within_a_third_of_a_millisecond(rally: FlightSeries) -> None:
+    parts = detected(rally, np.random.default_rng(11))
+    real = seen_contacts(rally, parts)
+    assert {contact.kind for contact in real} == {ContactKind.BOUNCE, ContactKind.HIT}
+    found = propose_contacts(list(CAMERAS.values()), parts)
+    scores = score_contacts(found, real)
+    assert all(score.recall == 1 for score in scores) and scores[0].precision == 1
+    assert scores[0].time.median_us < 300
+    assert all(contact.sigma_us and contact.provenance.detector == "trial#1" for contact in found)
+    off = [abs(one.t_us - other.t_us) / (one.sigma_us or 1) for one, other in zip(found, real, strict=True)]
+    assert np.median(off) < 1.5 and max(one.sigma_us or 0 for one in found) < 1000, "errors are as large as stated"
+
+
+def test_a_flight_without_a_contact_has_none(rally: FlightSeries) -> None:
+    parts = detected(rally, np.random.default_rng(11))
+    times = [contact.t_us for contact in contacts_of_truth(ball_truth(rally, truth_times(rally, 0, END_US)))]
+    longest = int(np.argmax(np.diff(times)))
+    free = tuple(part.between(times[longest] + 4_000, times[longest + 1] - 4_000) for part in parts)
+    assert propose_contacts(list(CAMERAS.values()), free) == ()
+
+
+def test_nothing_is_proposed_where_nothing_was_found(rally: FlightSeries) -> None:
+    parts = tuple(part.between(0, 0) for part in detected(rally, np.random.default_rng(1)))
+    assert propose_contacts(list(CAMERAS.values()), parts) == ()
