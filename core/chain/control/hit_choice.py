@@ -53,7 +53,7 @@ class HitChoiceConfig:
     step_m: float = setting(0.06, 0.01, 0.5)
     """Distance of two candidates (choice)."""
     face_radius_m: float = setting(0.08, 0.02, 0.5)
-    """Of the racket's face."""
+    """Radius of the racket's face."""
     table_gap_m: float = setting(0.01, 0.0, 0.2)
     """Over the table the rim of the face stays so far above it (choice)."""
     lowest_m: float = setting(0.03, -0.5, 0.5)
@@ -108,7 +108,7 @@ class RacketReach:
         return RacketReach((x, y, z), racket.reach_m, low, high, speed, acceleration)
 
 
-class RacketMotion(NamedTuple):
+class FaceTrajectory(NamedTuple):
     """The middle of the face at a time: position (3,), velocity (3,)."""
 
     t_s: float
@@ -121,14 +121,14 @@ class RacketMotion(NamedTuple):
         gap, v, w = p_m - self.p_m, self.v_mps, v_mps
         return 6 * gap / left**2 - (4 * v + 2 * w) / left, -6 * gap / left**2 + (2 * v + 4 * w) / left
 
-    def towards(self, t_s: float, p_m: Array, v_mps: Array, now_s: float) -> RacketMotion:
+    def towards(self, t_s: float, p_m: Array, v_mps: Array, now_s: float) -> FaceTrajectory:
         """The racket at `now_s` on its way there; past t_s it goes on with that velocity."""
         if now_s >= t_s:
-            return RacketMotion(now_s, p_m + v_mps * (now_s - t_s), v_mps)
+            return FaceTrajectory(now_s, p_m + v_mps * (now_s - t_s), v_mps)
         a, b = self.accelerations(t_s, p_m, v_mps)
         h, slope = now_s - self.t_s, (b - a) / max(t_s - self.t_s, 1e-6)
         p = self.p_m + self.v_mps * h + a * h * h / 2 + slope * h**3 / 6
-        return RacketMotion(now_s, p, self.v_mps + a * h + slope * h * h / 2)
+        return FaceTrajectory(now_s, p, self.v_mps + a * h + slope * h * h / 2)
 
 
 class Stroke(NamedTuple):
@@ -181,7 +181,7 @@ class HitChoice:
 def choose_hit(
     prediction: Prediction,
     model: StrokeModel,
-    racket: RacketMotion,
+    racket: FaceTrajectory,
     reach: RacketReach,
     config: HitChoiceConfig,
     *,
@@ -223,7 +223,7 @@ def _judge(
     prediction: Prediction,
     bounced_s: float | None,
     model: StrokeModel,
-    racket: RacketMotion | None,
+    racket: FaceTrajectory | None,
     reach: RacketReach,
     config: HitChoiceConfig,
 ) -> HitCandidate:
@@ -271,7 +271,7 @@ def _too_low(hit: HitPlane, config: HitChoiceConfig) -> str:
     return BELOW if z < config.lowest_m else ""
 
 
-def _out_of_reach(stroke: Stroke, t_s: float, racket: RacketMotion | None, reach: RacketReach) -> str:
+def _out_of_reach(stroke: Stroke, t_s: float, racket: FaceTrajectory | None, reach: RacketReach) -> str:
     face = stroke.face_m
     outside = (face < np.array(reach.low_m)).any() or (face > np.array(reach.high_m)).any()
     if outside or float(np.linalg.norm(face - np.array(reach.home_m))) > reach.reach_m:

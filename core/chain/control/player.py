@@ -14,9 +14,9 @@ from core.chain.chain import ChainState, RallyChain
 from core.chain.config import HitRule, learned_physics
 from core.chain.control.controller import BuiltInController, Controller, RacketDecision
 from core.chain.control.hit_choice import (
+    FaceTrajectory,
     HitChoice,
     HitChoiceConfig,
-    RacketMotion,
     RacketReach,
     choose_hit,
 )
@@ -111,7 +111,7 @@ class Player:
         self._choice: HitChoice | None = None
         self._choice_stage: Stage | None = None
         self._kept_x_m: float | None = None
-        self._racket: RacketMotion | None = None  # where it was when the last decision took effect; None at home
+        self._racket: FaceTrajectory | None = None  # where it was when the last decision took effect; None at home
 
     def step(self, windows: Mapping[str, Window]) -> PlayerState:
         """Take the next window of each camera, in order of time.
@@ -179,12 +179,12 @@ class Player:
         self._kept_x_m = float(chosen.hit.p_world_m[0])
         return chosen.hit
 
-    def _motion(self, state: ChainState) -> RacketMotion:
+    def _motion(self, state: ChainState) -> FaceTrajectory:
         """The racket when a decision of now takes effect, on its way as the last one had it; at home without one."""
         now_s = state.t_us * 1e-6 + COMMAND_S + self.lead_s
         if self._racket is None or self._decision is None:
             rest = np.array(self.reach.home_m) if self.rest_m is None else self.rest_m
-            return RacketMotion(now_s, rest, np.zeros(3))
+            return FaceTrajectory(now_s, rest, np.zeros(3))
         target = self._decision.target
         return self._racket.towards(target.t_s + self.lead_s, target.p_m, target.v_mps, now_s)
 

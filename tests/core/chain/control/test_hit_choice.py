@@ -6,8 +6,8 @@ import pytest
 from core.chain.control import hit_choice
 from core.chain.control.controller import BuiltInController
 from core.chain.control.hit_choice import (
+    FaceTrajectory,
     HitChoiceConfig,
-    RacketMotion,
     RacketReach,
     choose_hit,
     expected_covariance,
@@ -38,7 +38,7 @@ def predicted(ball, *, seen_s: float = 0.05, config: PaperPredictorConfig | None
 
 
 def choose(prediction: Prediction, *, reach: RacketReach = REACH, at_s: float = 0.07, kept_x_m: float | None = None):
-    racket = RacketMotion(at_s, HOME, np.zeros(3))
+    racket = FaceTrajectory(at_s, HOME, np.zeros(3))
     strokes = BuiltInController().strokes()
     return choose_hit(prediction, strokes, racket, reach, CONFIG, bounced_s=0.0, kept_x_m=kept_x_m)
 
@@ -103,7 +103,7 @@ def test_before_the_bounce_a_place_too_soon_after_it_is_refused() -> None:
     ps = p + v * t[:, None] - [[0, 0, GRAVITY_MPS2 / 2]] * t[:, None] ** 2
     flight = predict_flight(t, ps, 50_000, "pre", PaperPredictorConfig())
     assert flight is not None and flight.bounces
-    found = choose_hit(flight, BuiltInController().strokes(), RacketMotion(0.07, HOME, np.zeros(3)), REACH, CONFIG)
+    found = choose_hit(flight, BuiltInController().strokes(), FaceTrajectory(0.07, HOME, np.zeros(3)), REACH, CONFIG)
     soon = [one for one in found.candidates if one.hit.t_s < flight.bounces[0].t_s + 1e-3 * CONFIG.see_ms]
     assert soon and all(one.why_not in (hit_choice.NOT_YET, hit_choice.TOO_SOON) for one in soon)
     assert found.chosen is not None and found.chosen.hit.t_s > flight.bounces[0].t_s
@@ -129,7 +129,7 @@ def test_less_is_expected_of_a_ball_that_is_known_badly() -> None:
 
 
 def test_the_racket_on_its_way_is_where_the_cubic_is() -> None:
-    start = RacketMotion(0.0, HOME, np.zeros(3))
+    start = FaceTrajectory(0.0, HOME, np.zeros(3))
     goal, speed = HOME + np.array([0.2, 0.1, 0.0]), np.array([1.0, 0.0, 0.0])
     there = start.towards(0.4, goal, speed, 0.4 - 1e-9)
     np.testing.assert_allclose(there.p_m, goal, atol=1e-6)
