@@ -24,7 +24,7 @@ from app.shared.live_rally import LIVE, LiveRally
 from app.shared.workspace import Workspace
 from app.startup.startup import Preparation
 from app.web import Admission, Gateway, open_gateway
-from core.chain.config import ChainConfig, PredictionName, chain_with_constants
+from core.chain.config import ChainConfig, HitRule, PredictionName, chain_with_constants
 from core.detection import DetectorConfig, FastDetector, TrackState, trace_window
 from core.detection.fast.cluster import grid_labels
 from core.detection.methods import DEFAULT_METHOD, make_detector
@@ -85,13 +85,15 @@ class App:
         viewer_address: str | None = None,
         places: JobBackends = HERE_ONLY,
         prediction: PredictionName = "filter",
+        hit: HitRule | None = None,
         constants: FittedConstants | None = None,
     ) -> None:
         """`detector` is what every browser starts with, unless that is as it was left; `live` is closed with the app.
 
         `viewer_address` is that of a Rerun viewer which may be streamed to, `rerun+http://HOST:PORT/proxy`. Trainings
         and searches may be done at `places`. Hits are predicted with `prediction`, unless a browser chooses another;
-        its filter begins with fitted `constants` of air and table where they are given.
+        its filter begins with fitted `constants` of air and table where they are given. `hit`: where a live rally meets
+        the ball, by default as `LivePlayerConfig` has it.
 
         A first recording that is not there yet, such as a live rally that is being prepared, is opened when it comes.
         A `front` that listens there already may be given; browsers that came to it meanwhile are served, too.
@@ -99,7 +101,7 @@ class App:
         self.services = Services.of(workspace, library, viewer_address, places)
         """Services shared by all browsers."""
         self.services.rallies.prediction = prediction
-        self._constants = constants
+        self._constants, self._hit = constants, hit
         if constants is not None:
             self.services.rallies.followings.chain = chain_with_constants(ChainConfig(), constants)
         self._first_recording = first_recording
@@ -144,6 +146,8 @@ class App:
     def use_live(self, live: LiveRally) -> None:
         """Offer a live rally from now on; it is closed with the app. From any thread."""
         live.predict_with(self.services.rallies.prediction)
+        if self._hit is not None:
+            live.hit_at(self._hit)
         if self._constants is not None:
             live.begin_with(self._constants)
         self.services.rallies.live = live

@@ -47,7 +47,7 @@ CHECKOUT: Final = Path(__file__).parents[2]
 
 OPTIONS = (
     "count", "trials", "folder", "report", "chain", "balls", "speeds", "physics", "only", "recorded", "data",
-    "annotator", "soak", "rig", "cameras",
+    "annotator", "soak", "rig", "cameras", "hit",
 )  # fmt: skip
 """That only some of them have."""
 
@@ -76,6 +76,7 @@ class BenchArguments:
     )
     speeds: Numbers | None = flag("of the serves (rally)", "MPS,MPS...", "3 to 9")
     physics: Literal["paper", "real"] | None = flag("of the balls (rally, outcomes)", "paper|real", "paper; both")
+    hit: Literal["chosen", "paper"] | None = flag("where balls are met (rally)", "chosen|paper", "paper")
     soak: PositiveFloat | None = flag("under load for so long (app)", "MINUTES")
     only: str | None = flag(
         "return, page, pace or cameras (app); a row (robustness); real-balls (learning); "

@@ -24,7 +24,7 @@ from app.shared.library import Library
 from app.shared.workspace import Workspace
 from app.web import Admission, Gateway, open_gateway
 from app.web.access_policy import check_address
-from core.chain.config import PREDICTIONS, PredictionName
+from core.chain.config import HIT_RULES, PREDICTIONS, HitRule, PredictionName
 from core.detection.saved import load_detector
 from core.errors import CommandError
 from core.live.link.guard import ClientKeys, check_reach, read_client_keys, split_address
@@ -80,6 +80,13 @@ class ServeArguments:
         "|".join(PREDICTIONS),
         "filter",
         choices=PREDICTIONS,
+    )
+    hit: HitRule = flag(
+        "where the live rally meets the ball: chosen, along its flight within the racket's reach; paper, at the plane "
+        "5 cm behind the table",
+        "|".join(HIT_RULES),
+        "paper",
+        choices=HIT_RULES,
     )
     rerun: str | None = flag("a Rerun viewer that Export may stream to", "rerun+http://HOST:PORT/proxy")
     cluster: str | None = flag("a Dask cluster that Train and Tune may use", "tcp://HOST:PORT")
@@ -139,6 +146,7 @@ def run(arguments: ServeArguments) -> None:
             viewer_address=arguments.rerun,
             places=places,
             prediction=arguments.prediction,
+            hit=arguments.hit,
             constants=constants,
         )
         if startup is not None:

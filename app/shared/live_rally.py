@@ -16,7 +16,7 @@ from app.background.child import ChildProcess, share_in
 from app.shared.live_learning import LiveLearning
 from core.cameras import Camera
 from core.chain.calibration_drift import CalibrationDrift, DriftReport
-from core.chain.config import PredictionName, chain_with_constants, with_prediction
+from core.chain.config import HitRule, PredictionName, chain_with_constants, with_prediction
 from core.chain.control.controller import RacketDecision
 from core.chain.control.player import PlayerState
 from core.errors import CommandError, LinkError, RecordingError
@@ -258,6 +258,10 @@ class LiveRally:
             remedy = "let another controller play first"
             raise CommandError("this policy needs the ball's spin, which the paper's fit does not give", remedy=remedy)
         self.player.configure(replace(config, chain=chain))
+
+    def hit_at(self, rule: HitRule) -> None:
+        """Meet the ball where it can be met, or at the paper's plane, from the next block on."""
+        self.player.configure(replace(self.player.config, hit=rule))
 
     def begin_with(self, constants: FittedConstants) -> None:
         """Predict with fitted constants of air and table from the next block on; balls go on making them surer."""

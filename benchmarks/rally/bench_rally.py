@@ -25,7 +25,7 @@ from benchmarks.machine import describe_machine, machine_words, report_rows_to, 
 from benchmarks.rally.closed_loop import ClosedLoop, PlayedBall
 from core.cameras import stereo_preset
 from core.cameras.presets import SENSOR_720
-from core.chain.config import ChainConfig, published_chain
+from core.chain.config import ChainConfig, HitRule, published_chain
 from core.chain.control.controller import BuiltInController
 from core.chain.control.player import PlayerState
 from core.chain.follow import true_positions
@@ -192,9 +192,12 @@ def run(
     balls: int = BALLS,
     speeds: tuple[float, ...] = STAGE_SPEEDS_MPS,
     physics: Profile = "paper",
+    hit: HitRule = "paper",
     report: Path | None = None,
 ) -> dict[str, object]:
-    """A row per chain and speed, and the machine; by default three chains. `report` is a page for the rows."""
+    """A row per chain and speed, and the machine; by default three chains. `hit`: where balls are met; `known` plays at
+    the plane. `report` is a page for the rows.
+    """
     chains: tuple[ChainName, ...] = CHAINS if chain is None else (chain,)
     cases: list[tuple[ChainName, float]] = [(name, speed) for name in chains for speed in speeds]
     rows: list[dict[str, object]] = []
@@ -203,7 +206,9 @@ def run(
         if name == "known":
             row = measure_known_balls(task, speed, balls, SEED)
         else:
-            row = measure_rally(SENSOR_720, speed, balls, chain=chain_named(name), world=WorldConfig(task=task))
+            row = measure_rally(
+                SENSOR_720, speed, balls, chain=chain_named(name), world=WorldConfig(task=task), hit=hit
+            )
         rows.append({"chain": name} | row)
         report_rows_to(progress, rows[-1:], len(rows) / len(cases))
     clock = "wall time per step of chain and controller; `chain_cores` is time of steps per simulated time"
@@ -221,6 +226,7 @@ def measure_rally(
     seed: int = SEED,
     chain: ChainConfig | None = None,
     world: WorldConfig | None = None,
+    hit: HitRule = "paper",
 ) -> dict[str, object]:
     """One row; `chain` may have settings of its own, such as another prediction. Both are told the world's physics."""
     world = world or WorldConfig()
@@ -233,6 +239,7 @@ def measure_rally(
         controller=controller,
         window_us=WINDOW_US,
         knows_physics=True,
+        hit=hit,
     )
     watched, played = [], []
     began_s = time.perf_counter()

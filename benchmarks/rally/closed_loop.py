@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from core.cameras import Camera
 from core.chain.chain import RallyChain
-from core.chain.config import ChainConfig, chain_for_physics, expected_physics
+from core.chain.config import ChainConfig, HitRule, chain_for_physics, expected_physics
 from core.chain.control.controller import BuiltInController, Controller, RacketDecision
+from core.chain.control.hit_choice import RacketReach
 from core.chain.control.player import Player, PlayerState
 from core.detection.window import block_windows
 from core.errors import ConfigError
@@ -90,10 +91,13 @@ class ClosedLoop:
         knows_physics: bool = False,
         believed: Mapping[str, Camera] | None = None,
         between: Between | None = None,
+        hit: HitRule = "paper",
     ) -> None:
         """By default the built-in controller plays, and the chain learns the physical constants and passes them on to
         it. With `knows_physics` both get the world's exact constants. The built-in controller knows the racket's
         rubber. `believed`: the cameras as they were calibrated, where that is not what they are.
+
+        `hit`: where balls are met, see `Player`.
 
         With `recorded`, the balls that are served are of those.
 
@@ -106,7 +110,12 @@ class ClosedLoop:
             config = chain_for_physics(config, task.physics)
         else:
             task = replace(task, physics=expected_physics(task.physics))
-        self.player = Player(RallyChain(believed or cameras, config), controller or BuiltInController(task))
+        self.player = Player(
+            RallyChain(believed or cameras, config),
+            controller or BuiltInController(task),
+            hit=hit,
+            reach=RacketReach.of_config(world.racket),
+        )
         self._window_us = window_us
         self._between = between
 

@@ -143,6 +143,9 @@ class ChainConfig:
 PredictionName = Literal["filter", "paper"]
 PREDICTIONS: Final[tuple[PredictionName, ...]] = get_args(PredictionName)
 """`filter`: every point of the flight. `paper`: the published fit of five points before, then after the bounce."""
+HitRule = Literal["chosen", "paper"]
+HIT_RULES: Final[tuple[HitRule, ...]] = get_args(HitRule)
+"""`chosen`: the ball is met along its flight, where it can be met. `paper`: always at the published hitting plane."""
 
 
 def with_prediction(chain: ChainConfig, name: PredictionName) -> ChainConfig:

@@ -73,6 +73,11 @@ class LiveFlight:
     def _forget(self) -> None:
         self._newest: Prediction | None = None
 
+    @property
+    def racket(self) -> RacketPose | None:
+        """Its newest pose, as the source has it."""
+        return self._racket
+
     def blocks_missing(self, state: m.WorldState) -> int:
         """Number of blocks lost between the last one and this."""
         if self._first_t_us is None:

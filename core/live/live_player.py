@@ -10,12 +10,13 @@ import itertools
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
+from core.cameras import Camera
 from core.chain.chain import RallyChain
-from core.chain.config import ChainConfig, chain_for_physics, expected_physics
+from core.chain.config import ChainConfig, HitRule, chain_for_physics, expected_physics
 from core.chain.control.controller import BuiltInController, LiveController, RacketDecision
 from core.chain.control.player import Player, PlayerState
 from core.chain.control.step_test import CommandLatency
@@ -23,7 +24,7 @@ from core.config import check_settings, setting
 from core.detection.window import block_windows
 from core.errors import ConfigError, LinkError, RallyscopeError
 from core.live.link import messages as m
-from core.live.link.live_source import LiveSource
+from core.live.link.live_source import LimitedRobot, LiveSource
 from core.live.live_flight import CommandSender, LiveFlight, QueuedCommand
 from core.live.live_snapshot import FinishedBall, LiveMeter, RallySnapshot
 from core.live.warm_up import warm_up
@@ -42,6 +43,8 @@ class LivePlayerConfig:
     chain: ChainConfig = field(default_factory=ChainConfig)
     window_us: int = setting(2000, 200, 10_000)
     """Length of a window of events, a whole part of a block."""
+    hit: HitRule = "paper"
+    """Where the built-in controller meets the ball: `chosen` along its flight, or always at the `paper`'s plane."""
     knows_physics: bool = False
     """Whether chain and controller get the simulation's exact physics; otherwise they learn it."""
 
@@ -280,9 +283,7 @@ class LivePlayer:
         """Load compiled code before the first block."""
         try:
             cameras = self._source.welcome.calibrated()
-            warm_up(
-                Player(RallyChain(cameras, self._chain_config()), self._controller), cameras, self._config.window_us
-            )
+            warm_up(self._make_player(cameras), cameras, self._config.window_us)
         except RallyscopeError as error:
             self._problem = str(error)
 
@@ -303,9 +304,12 @@ class LivePlayer:
     def _build(self) -> None:
         self._player, self._problem = None, ""
         try:
-            self._player = Player(RallyChain(self._cameras, self._chain_config()), self._controller)
+            self._player = self._make_player(self._cameras)
         except RallyscopeError as error:
             self._problem = str(error)
+
+    def _make_player(self, cameras: Mapping[str, Camera]) -> Player:
+        return Player(RallyChain(cameras, self._chain_config()), self._controller, hit=self._config.hit)
 
     def _chain_config(self) -> ChainConfig:
         """Chain config: with the known physics if `knows_physics`, else it learns them."""
@@ -333,6 +337,7 @@ class LivePlayer:
         if player is None:
             return
         player.controller = self._controller
+        self._inform_of_racket(player)
         if self._latency is not None:
             player.lead_by(self._latency)
         try:
@@ -345,6 +350,13 @@ class LivePlayer:
         for windows in block_windows(events, state.start_us, state.t_us, self._config.window_us) if events else ():
             self._follow(player.step(windows), block)
         self._meter.note_block()
+
+    def _inform_of_racket(self, player: Player) -> None:
+        """What the robot says of itself: its limits, and where it waits."""
+        if isinstance(self._source.robot, LimitedRobot) and self._source.robot.reach is not None:
+            player.reach = self._source.robot.reach
+        racket = self._flight.racket
+        player.rest_m = None if racket is None else racket.p_m
 
     def _follow(self, state: PlayerState, block: _ReceivedBlock) -> None:
         self._meter.note_step(state.chain.seconds.total + state.control_s)

@@ -16,6 +16,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from core.chain.control.hit_choice import RacketReach
 from core.robot.robot_messages import TURN_BOUND, RobotLimits, RobotTarget
 
 Array = NDArray[np.float64]
@@ -136,6 +137,26 @@ def _way_fault(goal: FaceMotion, lead_us: int, now: FaceMotion, limits: RobotLim
     if not (_inside(low, limits, now) and _inside(high, limits, now)):
         return MotionFault("unreachable", f"the way there leaves the box {_box(limits)}")
     return None
+
+
+def reach_of(limits: RobotLimits) -> RacketReach:
+    """The limits as the choice of the hit takes them. The box bounds the place; the middle of it stands for the home.
+
+    A stroke needs room to brake: the box is taken shorter along x by what that takes from a third of the top speed.
+    """
+    low, high = np.array(limits.low_m), np.array(limits.high_m)
+    x, y, z = ((low + high) / 2).tolist()
+    brake_m = (limits.max_speed_mps / 3) ** 2 / (2 * limits.max_acceleration_mps2)
+    margin_m = min(brake_m, float(high[0] - low[0]) / 4)
+    (low_x, low_y, low_z), (high_x, high_y, high_z) = low.tolist(), high.tolist()
+    return RacketReach(
+        home_m=(x, y, z),
+        reach_m=math.inf,
+        low_m=(low_x + margin_m, low_y, low_z),
+        high_m=(high_x - margin_m, high_y, high_z),
+        max_speed_mps=limits.max_speed_mps,
+        max_acceleration_mps2=limits.max_acceleration_mps2,
+    )
 
 
 def cubic_accelerations(goal: FaceMotion, left_s: float, now: FaceMotion) -> tuple[Array, Array]:

@@ -13,10 +13,12 @@ from typing import Final
 
 import numpy as np
 
+from core.chain.control.hit_choice import RacketReach
 from core.errors import LinkError
 from core.live.link import messages as m
 from core.live.link.live_source import LinkListener, LinkListeners, LiveSource, SourceStatus
 from core.physics.config import PhysicsConfig
+from core.robot.motion_check import reach_of
 from core.robot.robot_client import RobotClient, host_us
 from core.simulation.event_cameras.event_camera import BLOCK_US
 
@@ -135,6 +137,12 @@ class SourceWithRobot:
         """Stop the robot and close source and robot."""
         self._client.close()
         self._source.close()
+
+    @property
+    def reach(self) -> RacketReach | None:
+        """The robot's limits; None before it said them."""
+        limits = self._client.status.limits
+        return None if limits is None else reach_of(limits)
 
     def aim_racket(
         self, p_m: tuple[float, ...], q_wxyz: tuple[float, ...], v_mps: tuple[float, ...], t_us: int

@@ -183,6 +183,51 @@ def touches(states: Array, t_s: float, hit_x_m: float, lift: float, found: Array
 
 
 @njit
+def crossings(states: Array, t_s: float, xs_m: Array, lift: float, found: Array) -> None:
+    """Write to `found` (N, K, 10) when, and in which state, each of N balls first crosses K planes towards the robot.
+
+    A plane that a ball does not reach within `LONGEST_S`, or above the floor, has nan.
+
+    Args:
+        states: (N, 14).
+        t_s: their common time.
+        xs_m: (K,) x of the planes, descending.
+        lift: acceleration per spin and velocity across it.
+        found: (N, K, 10) output: t, then position, velocity and spin.
+    """
+    s, after, there = np.empty(STATE), np.empty(STATE), np.empty(STATE)
+    found[:] = np.nan
+    for row in range(len(states)):
+        s[:] = states[row]
+        t, bounced, k = 0.0, 0, 0
+        while k < len(xs_m) and s[0] < xs_m[k]:  # behind it already
+            k += 1
+        while t < LONGEST_S and s[2] > -TABLE_HEIGHT_M and k < len(xs_m):
+            h = STEP_S
+            top = BALL_RADIUS_M + s[12]
+            down = down_in(s, lift)
+            glide(s, h, lift, after)
+            lands = down >= 0 and after[2] < top
+            if lands:
+                h = land(s, h, down, lift, there)
+                after[:] = there
+            while k < len(xs_m) and s[0] >= xs_m[k] > after[0]:
+                found[row, k, 0] = t_s + t + _meet(s, xs_m[k], h, lift, there)
+                found[row, k, 1:] = there[:9]
+                found[row, k, 1] = xs_m[k]
+                k += 1
+            t += h
+            if lands:
+                if bounced < BOUNCES and over_table(after[0], after[1]) and after[5] < 0:
+                    after[2] = top
+                    bounce(after)
+                    bounced += 1
+                else:
+                    after[2] = top - 1e-12
+            s[:] = after
+
+
+@njit
 def places(states: Array, t_s: float, times_s: Array, lift: float, ps_m: Array) -> None:
     """Write to `ps_m` (N, K, 3) where each state (N, 14) at t_s is at ascending times (K,); earlier ones are at t_s.
 

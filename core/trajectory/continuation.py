@@ -134,6 +134,26 @@ class Continuation:
             states = np.where(first[:, None], here, states)
         return t_hit, states
 
+    def crossings(self, xs_m: Array) -> tuple[Array, Array]:
+        """(K, 7) time and state at planes (K,) of row 0, and (K, 7, 7) its covariance; nan where it never is."""
+        each = [self.hits(float(x_m)) for x_m in xs_m]
+        found = np.array([np.column_stack(one) for one in each]).reshape(len(each), -1, 7)
+        moves = [one_sigma_moves(one) for one in found]
+        spread = np.array([one.T @ one for one in moves]).reshape(-1, 7, 7)
+        return found[:, 0], spread
+
+
+def one_sigma_moves(values: Array) -> Array:
+    """(K, ...) how much each unknown's sigma moves the value of row 0, given the values (1 + 2 K, ...) of all rows.
+
+    Where a neighbour has no such value (it misses the table's edge, say), the difference to the other one counts.
+    """
+    up, down = values[1::2], values[2::2]
+    up_there, down_there = np.isfinite(up), np.isfinite(down)
+    both = (up - down) / 2
+    one_side = np.where(up_there, up - values[0], values[0] - down)
+    return np.where(up_there & down_there, both, np.where(up_there | down_there, one_side, 0.0))
+
 
 def continue_flights(
     arcs: Arcs, restitution: Array, tangential: Array, *, max_bounces: int = MAX_BOUNCES

@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from core.errors import ConfigError
 from core.trajectory.ball_filter import SETTLED, BallFilter
-from core.trajectory.ball_kernel import STATE, TOUCHES, places
+from core.trajectory.ball_kernel import STATE, TOUCHES, crossings, places
+from core.trajectory.continuation import one_sigma_moves
 from core.trajectory.filter_config import FilterConfig
 from core.trajectory.filter_kernel import ROWS, foresee
 from core.trajectory.learned_constants import nothing_learned
@@ -41,6 +42,13 @@ class Paths:
         ps = np.empty((len(self.states), len(t_s), 3))
         places(self.states, self.t_s, np.ascontiguousarray(t_s), self.lift, ps)
         return ps
+
+    def crossings(self, xs_m: Array) -> tuple[Array, Array]:
+        """(K, 10) time and state at planes (K,), descending x, and (K, 10, 10) its covariance; nan where none is."""
+        found = np.empty((len(self.states), len(xs_m), 10))
+        crossings(self.states, self.t_s, np.ascontiguousarray(xs_m), self.lift, found)
+        moves = one_sigma_moves(found)
+        return found[0], np.einsum("nki,nkj->kij", moves, moves)
 
     def nominal(self) -> Paths:
         """The estimate alone, without its neighbours."""
@@ -80,6 +88,23 @@ class MixedPaths:
             moves = np.sqrt(weight) * np.concatenate([ps[:1] - mean, (ps[1::2] - ps[2::2]) / 2])
             rows.append(np.stack([mean + moves, mean - moves], axis=1).reshape(2 * len(moves), *mean.shape))
         return np.concatenate(rows)
+
+    def crossings(self, xs_m: Array) -> tuple[Array, Array]:
+        """(K, 10) time and state at planes (K,), descending x, and (K, 10, 10) its covariance; nan where none is.
+
+        Estimates that do not come to a plane to which the first one comes are left out there.
+        """
+        each = [part.crossings(xs_m) for part in self.parts]
+        found, spread = np.array([one[0] for one in each]), np.array([one[1] for one in each])
+        weights = np.where(np.isfinite(found[:, :, 0]), self.weights[:, None], 0.0)
+        weights = weights / np.maximum(weights.sum(axis=0), 1e-300)
+        counted = weights[..., None] > 0
+        mean = np.einsum("mk,mki->ki", weights, np.where(counted, found, 0.0))
+        apart = np.where(counted, found - mean, 0.0)
+        covariance = np.einsum("mk,mkij->kij", weights, np.where(counted[..., None], spread, 0.0))
+        covariance += np.einsum("mk,mki,mkj->kij", weights, apart, apart)
+        mean[~np.isfinite(found[0, :, 0])] = np.nan
+        return mean, covariance
 
     def nominal(self) -> MixedPaths:
         """The mean, and what the distances from it say: without the neighbours of each."""

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from core.table import BALL_RADIUS_M, GRAVITY_MPS2
 from core.trajectory.config import PaperPredictorConfig
-from core.trajectory.continuation import Arcs, Continuation, continue_flights, fit_arcs
+from core.trajectory.continuation import Arcs, Continuation, continue_flights, fit_arcs, one_sigma_moves
 
 Array = NDArray[np.float64]
 Stage = Literal["pre", "post"]
@@ -57,6 +57,13 @@ class Flights(Protocol):
         """Positions (N, K, 3) at times (K,)."""
         ...
 
+    def crossings(self, xs_m: Array) -> tuple[Array, Array]:
+        """(K, D) time and state at planes (K,), descending x, and (K, D, D) its covariance; nan where it never is.
+
+        D is 10 with the spin, 7 for flights without one.
+        """
+        ...
+
     def nominal(self) -> Flights:
         """Row 0 alone: the flight without its neighbours."""
         ...
@@ -100,7 +107,36 @@ class Prediction:
     def positions(self, t_s: ArrayLike) -> tuple[Array, Array]:
         """Positions (K, 3) and their standard deviations (K, 3) at times (K,)."""
         ps = self.flights.at(np.atleast_1d(np.asarray(t_s, np.float64)))
-        return ps[0], np.sqrt((_one_sigma_moves(ps) ** 2).sum(axis=0))
+        return ps[0], np.sqrt((one_sigma_moves(ps) ** 2).sum(axis=0))
+
+    def crossings(self, xs_m: ArrayLike) -> tuple[HitPlane | None, ...]:
+        """The ball at planes (K,) of descending x; None for one that it does not come to after the observation.
+
+        So any place along the flight can be looked at as the hitting plane is.
+        """
+        means, spreads = self.flights.crossings(np.asarray(xs_m, np.float64))
+        return tuple(
+            _crossing(mean, spread, self.stage) if mean[0] >= self.t_us * 1e-6 else None
+            for mean, spread in zip(means, spreads, strict=True)
+        )
+
+
+def _crossing(mean: Array, spread: Array, stage: Stage) -> HitPlane:
+    """From the time and state (7,) or (10,) of a crossing and its covariance."""
+    sigmas = np.sqrt(np.maximum(spread.diagonal(), 0.0))
+    with_spin = len(mean) == 10
+    return HitPlane(
+        t_s=float(mean[0]),
+        sigma_t_s=float(sigmas[0]),
+        p_world_m=mean[1:4],
+        sigma_m=sigmas[1:4],
+        v_world_mps=mean[4:7],
+        sigma_mps=sigmas[4:7],
+        covariance=spread[1:7, 1:7],
+        stage=stage,
+        spin_radps=mean[7:] if with_spin else None,
+        spin_sigma_radps=sigmas[7:] if with_spin else None,
+    )
 
 
 class Predictor(Protocol):
@@ -193,27 +229,15 @@ def spinless_factor(fit: Arcs, config: PaperPredictorConfig) -> float:
     return 1 - push / along if push < 0.4 * along else 0.6
 
 
-def _one_sigma_moves(values: Array) -> Array:
-    """(K, ...) how much each unknown's sigma moves the value of row 0, given the values (1 + 2 K, ...) of all rows.
-
-    Where a neighbour has no such value (it misses the table's edge, say), the difference to the other one counts.
-    """
-    up, down = values[1::2], values[2::2]
-    up_there, down_there = np.isfinite(up), np.isfinite(down)
-    both = (up - down) / 2
-    one_side = np.where(up_there, up - values[0], values[0] - down)
-    return np.where(up_there & down_there, both, np.where(up_there | down_there, one_side, 0.0))
-
-
 def _sigma(values: Array) -> Array:
-    return np.sqrt((_one_sigma_moves(values) ** 2).sum(axis=0))
+    return np.sqrt((one_sigma_moves(values) ** 2).sum(axis=0))
 
 
 def _hit_plane(flights: Continuation, stage: Stage, hit_x_m: float) -> HitPlane | None:
     t, states = flights.hits(hit_x_m)
     if not math.isfinite(t[0]):
         return None
-    moves = _one_sigma_moves(states)
+    moves = one_sigma_moves(states)
     covariance = moves.T @ moves
     sigmas = np.sqrt(np.diag(covariance))
     return HitPlane(

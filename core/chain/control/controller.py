@@ -12,6 +12,8 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from core.chain.control.hit_choice import Stroke
+from core.chain.control.return_chance import return_chance
 from core.chain.control.stroke_solver import (
     SPEED,
     TILT,
@@ -19,6 +21,7 @@ from core.chain.control.stroke_solver import (
     StrokeProblem,
     StrokeSolution,
     is_as_wanted,
+    is_safe,
     search_stroke,
     solve_stroke,
     spin_after_bounce,
@@ -30,7 +33,7 @@ from core.physics.impact import surfaces_from_config
 from core.physics.rotation import base_orientation, orientations_from_actions
 from core.simulation.episodes.racket import RacketTarget, target_for_ball
 from core.table import BALL_RADIUS_M, NET_HEIGHT_M
-from core.trajectory.prediction import Stage
+from core.trajectory.prediction import HitPlane, Stage
 
 Array = NDArray[np.float64]
 
@@ -205,12 +208,7 @@ class BuiltInController:
         if not (math.isfinite(t_c_s) and np.isfinite(p).all() and np.isfinite(v).all() and v[0] < 0):
             return None
         goal = self.goal_m if target_m is None else np.asarray(target_m, np.float64)
-        ball = np.concatenate([p, v, np.zeros(3) if spin_radps is None else np.asarray(spin_radps, np.float64)])
-        if spin_radps is None:
-            # Without air the spin does not bend the way back to the bounce, and one round is exact.
-            for _ in range(SPIN_ROUNDS if self._air.acts else 1):
-                ball[6:] = spin_after_bounce(ball, self._table, self._air)
-        stroke = self.solve(ball, goal)
+        stroke = self.solve(self.ball_at(p, v, spin_radps), goal)
         if stroke is None:
             return None
         v_racket, landing, net_z_m = np.array([stroke.speed_mps, 0.0, 0.0]), None, None
@@ -230,26 +228,76 @@ class BuiltInController:
             net_z_m=net_z_m,
         )
 
+    def ball_at(self, p_m: Array, v_mps: Array, spin_radps: ArrayLike | None) -> Array:
+        """(9,) state of a ball; without a spin it carries what the table gives a spinless serve."""
+        ball = np.concatenate([p_m, v_mps, np.zeros(3) if spin_radps is None else np.asarray(spin_radps, np.float64)])
+        if spin_radps is None:
+            # Without air the spin does not bend the way back to the bounce, and one round is exact.
+            for _ in range(SPIN_ROUNDS if self._air.acts else 1):
+                ball[6:] = spin_after_bounce(ball, self._table, self._air)
+        return ball
+
     def solve(self, ball: Array, target_m: ArrayLike) -> StrokeSolution | None:
         """The stroke that sends a ball state (9,) to a landing point (2,) as nearly as the limits allow.
 
         Angles are those of the action, relative to the base orientation. None if no stroke brings it over the net
         plane and down again.
         """
+        x, reached = np.empty(3), np.empty(3)
+        spent = self.solve_problem(self.problem(ball, target_m), x, reached)
+        if not spent:
+            return None
+        base = math.radians(self.task.stroke.base_pitch_deg)
+        return StrokeSolution(x[TILT] + base, x[TURN], x[SPEED], reached[0], reached[1], reached[2], spent)
+
+    def solve_problem(self, problem: StrokeProblem, x: Array, reached: Array) -> int:
+        """Write the stroke (3,) to `x` and what it reaches (3,) to `reached`; evaluations it took, 0 if none plays."""
+        start = np.clip(np.array([START_TILT_RAD, 0.0, _first_speed(problem.ball)]), problem.low, problem.high)
+        spent = solve_stroke(problem, start, x, reached)
+        if not spent or not is_as_wanted(reached, problem.wanted):
+            spent += search_stroke(problem, x, reached)
+        return 0 if math.isnan(x[0]) else spent
+
+    def strokes(self) -> StrokeSearch:
+        """How it would hit a ball at several places, for the choice of one."""
+        return StrokeSearch(self)
+
+    def problem(self, ball: Array, target_m: ArrayLike) -> StrokeProblem:
+        """What is asked of a stroke: a ball state (9,), a landing point (2,), the bounds, rubber and air."""
         base = math.radians(self.task.stroke.base_pitch_deg)
         low = np.array([-self._limit - base, -self._limit, self.config.slowest_mps])
         high = np.array([self._limit - base, self._limit, self.config.fastest_mps])
         goal = np.asarray(target_m, np.float64)
         wanted = np.array([goal[0], goal[1], NET_HEIGHT_M + BALL_RADIUS_M + self.config.net_clearance_m])
-        start = np.clip(np.array([START_TILT_RAD, 0.0, _first_speed(ball)]), low, high)
-        x, reached = np.empty(3), np.empty(3)
-        problem = StrokeProblem(ball, wanted, low, high, self._rubber, self._air)
-        spent = solve_stroke(problem, start, x, reached)
-        if not spent or not is_as_wanted(reached, wanted):
-            spent += search_stroke(problem, x, reached)
-            if math.isnan(x[0]):
-                return None
-        return StrokeSolution(x[TILT] + base, x[TURN], x[SPEED], reached[0], reached[1], reached[2], spent)
+        return StrokeProblem(ball, wanted, low, high, self._rubber, self._air)
+
+
+class StrokeSearch:
+    """Strokes for one ball at neighbouring places, each from the stroke before: a tenth of the time of a search."""
+
+    def __init__(self, controller: BuiltInController) -> None:
+        self._controller = controller
+        self._near: Array | None = None
+
+    def stroke_at(self, hit: HitPlane, covariance: Array) -> Stroke | None:
+        """The stroke towards the controller's goal and its chance; (6, 6) how well the ball will be known."""
+        if not hit.v_world_mps[0] < 0:
+            return None
+        controller = self._controller
+        ball = controller.ball_at(hit.p_world_m, hit.v_world_mps, hit.spin_radps)
+        problem, x, reached = controller.problem(ball, controller.goal_m), np.empty(3), np.empty(3)
+        warm = self._near is not None and solve_stroke(problem, self._near, x, reached) > 0 and is_safe(reached)
+        if not warm and not controller.solve_problem(problem, x, reached):
+            return None
+        self._near = x
+        spread = np.zeros((9, 9))
+        spread[:6, :6] = covariance
+        if hit.spin_sigma_radps is not None:
+            spread[6:, 6:] = np.diag(hit.spin_sigma_radps**2)
+        chance, sigma_m = return_chance(problem, x, reached, spread, controller.task.physics.racket_radius_m)
+        tilt, turn, speed = x.tolist()
+        normal = np.array([math.cos(turn) * math.cos(tilt), math.sin(turn), -math.cos(turn) * math.sin(tilt)])
+        return Stroke(hit.p_world_m - BALL_RADIUS_M * normal, np.array([speed, 0.0, 0.0]), chance, sigma_m)
 
 
 def _first_speed(ball: Array) -> float:

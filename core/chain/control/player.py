@@ -7,12 +7,25 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from core.chain.chain import ChainState, RallyChain
-from core.chain.config import learned_physics
+from core.chain.config import HitRule, learned_physics
 from core.chain.control.controller import BuiltInController, Controller, RacketDecision
+from core.chain.control.hit_choice import (
+    FaceTrajectory,
+    HitChoice,
+    HitChoiceConfig,
+    RacketReach,
+    choose_hit,
+)
 from core.chain.control.step_test import CommandLatency
 from core.events import Window
+from core.simulation.episodes.racket import RacketConfig
+from core.trajectory import Prediction
 from core.trajectory.learned_constants import LearnedConstants
+from core.trajectory.prediction import HitPlane, Stage
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,6 +39,8 @@ class PlayerState:
     """Whether it was decided in this step."""
     control_s: float
     """Wall time of deciding; the chain's stages tell their own."""
+    choice: HitChoice | None = None
+    """Where the ball is to be hit, with the other places that were looked at; None at the paper's plane."""
 
 
 JITTERS: Final = 10.0
@@ -35,13 +50,36 @@ FREEZE_S: Final = 0.012
 """So short before the impact nothing is decided any more: the ball is in front of the racket and their events mix, and
 what is seen after the impact still looks like the old flight for some windows (our measurement: predictions of the time
 that are 7 to 15 ms off)."""
+CHOOSE_AGAIN_US: Final = 30_000
+"""The place of the hit is looked for again after so long, and after the bounce (choice: it costs a millisecond)."""
+LAST_SWITCH_S: Final = 0.15
+"""So short before the hit its place is kept: another one, however good, would cost the motion so far (choice)."""
+COMMAND_S: Final = 0.02
+"""From the end of a window until the racket moves by it (our measurement: 18 ms)."""
 
 
 class Player:
     """Sees and decides; what carries out the decisions is somebody else's."""
 
-    def __init__(self, chain: RallyChain, controller: Controller) -> None:
+    def __init__(
+        self,
+        chain: RallyChain,
+        controller: Controller,
+        *,
+        hit: HitRule = "paper",
+        reach: RacketReach | None = None,
+        choice: HitChoiceConfig | None = None,
+    ) -> None:
+        """With the hit `chosen`, the built-in controller meets the ball where it can be met, within the racket's reach
+        (by default that of the simulated one). A trained policy keeps the plane of its training.
+        """
         self.chain = chain
+        self.hit: HitRule = hit
+        self.reach = reach or RacketReach.of_config(RacketConfig())
+        self._choice_config = choice or HitChoiceConfig()
+        self.rest_m: NDArray[np.float64] | None = None
+        """(3,) where the racket waits, as it says itself; None: at the home of `reach`."""
+        self._forget_hit()
         self.controller = controller
         self.freeze_s = FREEZE_S
         """So short before the racket is to be there nothing is decided any more. Commands that take now longer, now
@@ -61,11 +99,19 @@ class Player:
         """Forget everything."""
         self.chain.reset()
         self._decision = None
+        self._forget_hit()
 
     def forget_flight(self) -> None:
         """Expect a new ball."""
         self.chain.forget_flight()
         self._decision = None
+        self._forget_hit()
+
+    def _forget_hit(self) -> None:
+        self._choice: HitChoice | None = None
+        self._choice_stage: Stage | None = None
+        self._kept_x_m: float | None = None
+        self._racket: FaceTrajectory | None = None  # where it was when the last decision took effect; None at home
 
     def step(self, windows: Mapping[str, Window]) -> PlayerState:
         """Take the next window of each camera, in order of time.
@@ -78,25 +124,69 @@ class Player:
         answer = self._answer(state)
         if state.prediction is None:
             self._decision = None
+            self._forget_hit()
+        if answer is not None:
+            self._racket = self._motion(state)
         self._decision = answer or self._decision
-        return PlayerState(state, self._decision, answer is not None, time.perf_counter() - started)
+        took_s = time.perf_counter() - started
+        return PlayerState(state, self._decision, answer is not None, took_s, self._choice)
 
     def _answer(self, state: ChainState) -> RacketDecision | None:
-        if not state.is_new or state.prediction is None or state.prediction.hit_plane is None:
+        if not state.is_new or state.prediction is None or self._is_late(state, np.inf):
             return None
-        hit = state.prediction.hit_plane
-        due_s = hit.t_s - self.lead_s
-        due_s = due_s if self._decision is None else min(due_s, self._decision.target.t_s)
-        if due_s - state.t_us * 1e-6 < self.freeze_s:
+        controller = self._informed_controller()
+        hit = self._place(state, state.prediction, controller)
+        if hit is None or self._is_late(state, hit.t_s - self.lead_s):
             return None
         p, v = hit.p_world_m, hit.v_world_mps
         spin, sigma = hit.spin_radps, hit.spin_sigma_radps
-        controller = self._informed_controller()
         found = controller.decide(hit.t_s, p, v, stage=hit.stage, spin_radps=spin, spin_sigma_radps=sigma)
         if found is None:
             return None
         target = replace(found.target, t_s=found.target.t_s - self.lead_s) if self.lead_s else found.target
         return replace(found, t_us=state.t_us, target=target)
+
+    def _is_late(self, state: ChainState, due_s: float) -> bool:
+        """Whether it is too late to decide on a racket that is to be there at `due_s`, or at its last target's time."""
+        due_s = due_s if self._decision is None else min(due_s, self._decision.target.t_s)
+        return due_s - state.t_us * 1e-6 < self.freeze_s
+
+    def _place(self, state: ChainState, prediction: Prediction, controller: Controller) -> HitPlane | None:
+        """Where the ball is hit: as chosen, or at the plane; there too where no stroke returns it."""
+        if self.hit == "paper" or not isinstance(controller, BuiltInController):
+            self._choice = None
+            return prediction.hit_plane
+        before, kept_x_m = self._choice, self._kept_x_m
+        at_kept = None if kept_x_m is None else prediction.crossings([kept_x_m])[0]
+        if at_kept is not None and at_kept.t_s - prediction.t_us * 1e-6 < LAST_SWITCH_S:
+            return at_kept
+        fresh = before is not None and prediction.t_us - before.t_us < CHOOSE_AGAIN_US
+        if fresh and self._choice_stage == prediction.stage and (at_kept is not None or kept_x_m is None):
+            return at_kept or prediction.hit_plane
+        self._choice = choose_hit(
+            prediction,
+            controller.strokes(),
+            self._motion(state),
+            self.reach,
+            self._choice_config,
+            bounced_s=1e-6 * state.bounces_us[-1] if state.bounces_us else None,
+            kept_x_m=kept_x_m,
+        )
+        self._choice_stage = prediction.stage
+        chosen = self._choice.chosen
+        if chosen is None:  # the racket goes on as it was sent, or waits where the paper's would be
+            return at_kept or prediction.hit_plane
+        self._kept_x_m = float(chosen.hit.p_world_m[0])
+        return chosen.hit
+
+    def _motion(self, state: ChainState) -> FaceTrajectory:
+        """The racket when a decision of now takes effect, on its way as the last one had it; at home without one."""
+        now_s = state.t_us * 1e-6 + COMMAND_S + self.lead_s
+        if self._racket is None or self._decision is None:
+            rest = np.array(self.reach.home_m) if self.rest_m is None else self.rest_m
+            return FaceTrajectory(now_s, rest, np.zeros(3))
+        target = self._decision.target
+        return self._racket.towards(target.t_s + self.lead_s, target.p_m, target.v_mps, now_s)
 
     def _informed_controller(self) -> Controller:
         """The controller with what the chain has learnt of the air, if it computes flights and nobody told them."""

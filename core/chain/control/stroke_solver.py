@@ -199,7 +199,7 @@ def is_as_wanted(reached: Array, wanted: Array) -> bool:
 
 
 @njit
-def _is_safe(reached: Array) -> bool:
+def is_safe(reached: Array) -> bool:
     """Whether the ball passes the net and lands on the opponent's half, with room for errors."""
     over = reached[2] > NET_TOP_M + MIN_CLEARANCE_M
     return over and EDGE_M < reached[0] < TABLE_LENGTH_M / 2 - EDGE_M and abs(reached[1]) < TABLE_WIDTH_M / 2 - EDGE_M
@@ -223,7 +223,7 @@ def search_stroke(problem: StrokeProblem, x: Array, best: Array) -> int:
                 trial[SPEED] = low[SPEED] + (high[SPEED] - low[SPEED]) * k / (GRID[SPEED] - 1)
                 if not play_stroke(ball, trial[TILT], trial[TURN], trial[SPEED], rubber, air, reached):
                     continue
-                safe = _is_safe(reached)
+                safe = is_safe(reached)
                 cost = math.hypot(reached[0] - wanted[0], reached[1] - wanted[1]) if safe else -reached[2]
                 if (safe and not found_safe) or (safe == found_safe and cost < lowest):
                     lowest, found_safe = cost, safe
@@ -233,7 +233,7 @@ def search_stroke(problem: StrokeProblem, x: Array, best: Array) -> int:
     # From the best of the grid on, as near to the landing point as that height over the net allows.
     lower = np.array([wanted[0], wanted[1], min(wanted[2], best[2])])
     used = solve_stroke(StrokeProblem(ball, lower, low, high, rubber, air), x.copy(), trial, reached)
-    if used and _is_safe(reached) and math.hypot(reached[0] - wanted[0], reached[1] - wanted[1]) < lowest:
+    if used and is_safe(reached) and math.hypot(reached[0] - wanted[0], reached[1] - wanted[1]) < lowest:
         x[:], best[:] = trial, reached
     return used + GRID[TILT] * GRID[TURN] * GRID[SPEED]
 

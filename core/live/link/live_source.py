@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import Literal, Protocol, runtime_checkable
 
 from core.cameras import Camera
+from core.chain.control.hit_choice import RacketReach
 from core.live.link import messages as m
 from core.physics.config import PhysicsConfig
 
@@ -43,6 +44,16 @@ class Robot(Protocol):
         Raises:
             LinkError: if that is refused, or not answered in time.
         """
+        ...
+
+
+@runtime_checkable
+class LimitedRobot(Protocol):
+    """A robot that says how far and how fast it moves; of others the simulated racket's limits are taken."""
+
+    @property
+    def reach(self) -> RacketReach | None:
+        """Its limits; None before it said them."""
         ...
 
 

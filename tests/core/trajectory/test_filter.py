@@ -317,3 +317,18 @@ def test_nothing_is_said_before_enough_was_seen_and_wrong_points_are_refused() -
         predictor.add(0, [1.0, 0.0, 0.3])
     with pytest.raises(ConfigError, match="not a position"):
         predictor.add(1000, [1.0, 0.0, np.nan])
+
+
+def test_a_crossing_at_the_hitting_plane_is_the_predicted_hit_and_others_lie_on_the_path() -> None:
+    t_s, states = fly_up(np.concatenate([START, REAL]), 0.16, 4.0)
+    found = feed(FilterPredictor(filter_for("real")), t_s, states[:, :3]).latest
+    assert found is not None and found.hit_plane is not None
+    before, at_plane, behind, never = found.crossings([-1.2, -1.42, -1.7, -30.0])
+    assert before is not None and at_plane is not None and behind is not None and never is None
+    assert at_plane.t_s == pytest.approx(found.hit_plane.t_s, abs=1e-9)
+    np.testing.assert_allclose(at_plane.p_world_m, found.hit_plane.p_world_m, atol=1e-9)
+    np.testing.assert_allclose(at_plane.spin_radps, found.hit_plane.spin_radps, atol=1e-9)
+    for one in (before, behind):
+        np.testing.assert_allclose(found.positions(one.t_s)[0][0], one.p_world_m, atol=1e-4)
+    assert before.t_s < at_plane.t_s < behind.t_s
+    assert found.crossings([1.3])[0] is None, "it was there before"

@@ -58,3 +58,16 @@ def test_one_alone_is_left_as_it_is_and_others_that_touch_something_else_are_lef
         assert found is one.found and spread is one.spread and paths is one.paths
     with pytest.raises(IndexError):
         mix([])
+
+
+def test_crossings_of_a_mixture_are_the_mean_of_those_of_its_parts_and_spread_by_their_distance() -> None:
+    parts = [foreseen(0.7, 1), foreseen(0.3, 2)]
+    _, _, paths = mix(parts)
+    xs = np.array([0.5, 0.0])
+    found, spread = paths.crossings(xs)
+    each = [part.paths.crossings(xs) for part in parts]
+    np.testing.assert_allclose(found, 0.7 * each[0][0] + 0.3 * each[1][0])
+    apart = each[0][0][1] - each[1][0][1]
+    expected = 0.7 * each[0][1][1] + 0.3 * each[1][1][1] + 0.21 * np.outer(apart, apart)
+    np.testing.assert_allclose(spread[1], expected, atol=1e-15)
+    np.testing.assert_allclose(found[:, 1], xs)

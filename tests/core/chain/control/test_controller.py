@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from core.chain.control.controller import BuiltInController, ControllerConfig, RacketDecision
-from core.chain.control.stroke_solver import _is_safe, is_as_wanted, spin_after_bounce
+from core.chain.control.stroke_solver import is_as_wanted, is_safe, spin_after_bounce
 from core.physics import Strokes, TaskConfig
 from core.physics.episode import Arrivals, Outcomes
 from core.physics.flight import air_from_config
@@ -238,7 +238,7 @@ def test_a_base_orientation_costs_the_solver_nothing() -> None:
 )
 def test_a_safe_stroke_keeps_eight_centimetres_from_the_edges_and_three_from_the_net(landing, net_z, safe) -> None:
     """The far half ends at 1.37 and 0.7625 m; a ball's centre over the cord is at 0.1725 m."""
-    assert _is_safe(np.array([*landing, net_z])) == safe
+    assert is_safe(np.array([*landing, net_z])) == safe
 
 
 def test_a_stroke_is_as_wanted_two_centimetres_round_its_landing_point_and_clear_of_the_net() -> None:
