@@ -229,9 +229,7 @@ class Session:
                 self.plane.set_visible(False)
                 self.world.show(True)
                 if self._awaited.is_preparing:
-                    self._example.tick(wall_s, STILLS_EVERY_S if self._pace.by_software else 0.0)
-                    if self._preparation is not None and self._example.is_shown:
-                        self._preparation.picture_is_shown.set()
+                    self._show_example(wall_s)
                 self.world.billboard_wxyz()
                 self._reveal()
             return
@@ -268,6 +266,12 @@ class Session:
         self.plane.show_staleness(wall_s, moving=self._state.playhead.playing)
         self.world.billboard_wxyz()
         self._reveal()
+
+    def _show_example(self, wall_s: float) -> None:
+        """Go on with the recorded rally; once it is seen, what it does not need is compiled."""
+        self._example.tick(wall_s, STILLS_EVERY_S if self._pace.by_software else 0.0)
+        if self._preparation is not None and self._example.is_shown:
+            self._preparation.picture_is_shown.set()
 
     def _reveal(self) -> None:
         """Let the page show itself: until then it would show the panels of all modes as they arrive."""

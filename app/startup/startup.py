@@ -253,7 +253,7 @@ class Startup:
     def _compile_in_child(self) -> int:
         """Compile after the first picture; returns the exit code.
 
-        On two cores the simulation, which takes longest, the app that loads and the browser that draws have enough to do.
+        Two cores are busy until then: with the simulation, which takes longest, the app that loads, and the browser.
         """
         self.preparation.picture_is_shown.wait(PICTURE_WITHIN_S)
         return self._run_child("chain", "app.startup.chain")
