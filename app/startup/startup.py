@@ -122,7 +122,7 @@ OWN_STEPS: Final = {
     "simulation": Step("Compiling the simulation", FIRST_ONLY),
     "chain": Step("Compiling the ball detector and the player", FIRST_ONLY),
     "rally": Step("Starting the live rally"),
-    "demo": Step("Making the demo recording", FIRST_ONLY),
+    "demo": Step("Making the demo recording", "on the first start only, a few seconds"),
 }
 REMOTE_STEPS: Final = {
     "simulation": Step("Waiting for the simulation", "it is being compiled on the other machine"),
@@ -253,7 +253,7 @@ class Startup:
     def _compile_in_child(self) -> int:
         """Compile after the first picture; returns the exit code.
 
-        On two cores the simulation, which takes longest, the app that loads and the browser that draws are enough.
+        Two cores are busy until then: with the simulation, which takes longest, the app that loads, and the browser.
         """
         self.preparation.picture_is_shown.wait(PICTURE_WITHIN_S)
         return self._run_child("chain", "app.startup.chain")
