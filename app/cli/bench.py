@@ -12,7 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Final, Literal
 
-from app.cli.arguments import DATA, Numbers, PositiveFloat, PositiveInt, flag, given, positional
+from app.cli.arguments import DATA, Counts, Numbers, PositiveFloat, PositiveInt, flag, given, positional
 from app.cli.backend_arguments import BackendArguments
 from app.cli.progress import Progress, progress_bar
 from app.cli.terminal import format_row, format_table, say, silence_viser
@@ -24,6 +24,7 @@ BENCHES = {
     "drawn-scenes": "detection.bench_drawn_scenes",
     "planet": "detection.bench_planet",
     "rivals": "detection.bench_rivals",
+    "single-views": "detection.bench_single_views",
     "slow-receptors": "detection.bench_slow_receptors",
     "simulation": "simulation.bench_simulation",
     "cameras": "perception.bench_cameras",
@@ -46,7 +47,7 @@ CHECKOUT: Final = Path(__file__).parents[2]
 
 
 OPTIONS = (
-    "count", "trials", "folder", "report", "chain", "balls", "speeds", "physics", "only", "recorded", "data",
+    "count", "seeds", "trials", "folder", "report", "chain", "balls", "speeds", "physics", "only", "recorded", "data",
     "annotator", "soak", "rig", "cameras", "hit",
 )  # fmt: skip
 """That only some of them have."""
@@ -63,6 +64,7 @@ class BenchArguments:
         "seeds of everything that is compared (learning), serves of each scene and speed (cameras)",
         "N",
     )
+    seeds: Counts | None = flag("of the serves (single-views)", "N,N...", "511,512")
     trials: PositiveInt | None = flag("of tuning, for each method (rivals)", "N", "24")
     folder: Path | None = flag(
         "what is measured is kept here (learning, drawn-scenes, rivals, paper-perception, outcomes, robustness)"

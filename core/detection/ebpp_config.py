@@ -13,7 +13,9 @@ from core.errors import ConfigError
 class EbppConfig:
     """EROS surface and circular Hough transform (Ziegler et al. 2025, arXiv 2502.00749); the numbers are ours.
 
-    The defaults were tuned on simulated flights that no score is taken of; docs/how/detector.md has both.
+    The defaults were tuned on simulated flights that no score is taken of; docs/how/detector.md has both. `votes_roi`,
+    `radius_min_px` and `fresh_min` are those that `bench rivals` found: on other flights they are better with the ball
+    only and with people.
     """
 
     kernel_px: int = setting(5, 3, 21, step=2)
@@ -32,13 +34,13 @@ class EbppConfig:
     stay below 300 once they are blurred; at 200 they vote, and precision falls from 0.99 to 0.93."""
     votes_full: float = setting(20.0, 2.0, 100.0, step=0.5)
     """Fewest votes for a circle on the whole sensor (OpenCV's param2)."""
-    votes_roi: float = setting(8.0, 2.0, 100.0, step=0.5)
+    votes_roi: float = setting(12.5, 2.0, 100.0, step=0.5)
     """Fewest votes for a circle in the region of interest."""
-    radius_min_px: int = setting(6, 1, 100)
+    radius_min_px: int = setting(3, 1, 100)
     """Smallest radius of a circle."""
     radius_max_px: int = setting(20, 3, 300)
     """Largest radius of a circle."""
-    fresh_min: float = setting(0.3, 0.0, 5.0, step=0.05)
+    fresh_min: float = setting(0.35, 0.0, 5.0, step=0.05)
     """Fewest events of the window within 3 px of a circle, per pixel of its circumference. The surface shows an edge
     long after it has stopped or left. Simulated balls of 3 to 8 m/s had 4 or more, 5 noise events a second and pixel
     give 0.06."""

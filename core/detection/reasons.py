@@ -91,11 +91,13 @@ class ReasonCount:
     limit: float | None
     """Median of the limits: some depend on the candidate."""
     unit: str = ""
+    sentence: str = ""
+    """Of the first of these windows, if there was nothing to measure in any: a name alone says nothing."""
 
     @property
     def text(self) -> str:
         """For a table: "residual 0.91 px > 0.55"."""
-        return Reason(self.reason, self.setting, self.value, self.limit, self.unit).text
+        return Reason(self.reason, self.setting, self.value, self.limit, self.unit, self.sentence).text
 
 
 @dataclass(slots=True)
@@ -105,6 +107,7 @@ class ReasonCounter:
     windows: int = 0
     """Windows without a ball."""
     _values: dict[tuple[str, str | None, str], list[tuple[float, float]]] = field(default_factory=dict)
+    _sentences: dict[tuple[str, str | None, str], str] = field(default_factory=dict)
 
     def add(self, reasons: Sequence[Reason]) -> None:
         """Count a window without a ball; a reason that it names twice counts once."""
@@ -116,13 +119,16 @@ class ReasonCounter:
                 seen.add(key)
                 value, limit = (np.nan if number is None else number for number in (one.value, one.limit))
                 self._values.setdefault(key, []).append((value, limit))
+                self._sentences.setdefault(key, one.sentence)
 
     def counts(self) -> tuple[ReasonCount, ...]:
         """Every reason, the most frequent first."""
         found: list[ReasonCount] = []
-        for (reason, setting, unit), pairs in self._values.items():
-            values, limits = zip(*pairs, strict=True)
-            found.append(ReasonCount(reason, setting, len(pairs), _median(values), _median(limits), unit))
+        for key, pairs in self._values.items():
+            (reason, setting, unit), (values, limits) = key, zip(*pairs, strict=True)
+            value, limit = _median(values), _median(limits)
+            sentence = self._sentences[key] if value is None else ""
+            found.append(ReasonCount(reason, setting, len(pairs), value, limit, unit, sentence))
         return tuple(sorted(found, key=lambda one: -one.windows))
 
 

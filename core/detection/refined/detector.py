@@ -172,8 +172,8 @@ class RefinedDetector:
         ball = self._confirmed()
         if ball is None or end_us - ball.end_us > 1e3 * UNSEEN_MS:
             self._search(end_us)
-        elif ball.brighter < 0.0 and self._windows % SEARCH_EVERY[-1] == 0:
-            self._search(end_us)  # it may be the shadow of a ball nearby
+        elif (ball.brighter < 0.0 or ball.is_doubtful) and self._windows % SEARCH_EVERY[-1] == 0:
+            self._search(end_us)  # it may be the shadow of a ball nearby, or a head while the ball is elsewhere
         ball = self._choose(end_us)
         if ball is None or ball.end_us != end_us:
             return None
@@ -223,7 +223,10 @@ class RefinedDetector:
     def _tidy(self, end_us: int) -> None:
         """Drop tracks that are lost, rejected, or duplicates (the older one stays)."""
         kept: list[BallTrack] = []
+        fast_only = self._wants_fast_rivals(end_us)
         for track in self.tracks:
+            if fast_only and not track.confirmed and track.is_slow:
+                continue
             patience_us = self.config.coast_us if track.confirmed else self.config.candidate_coast_us
             if track.is_terminated:
                 self._given_up.append(track)
@@ -366,7 +369,14 @@ class RefinedDetector:
         if any(track.end_us == end_us and _apart_px(track.ball, ball) < ball.r for track in self.tracks):
             return
         covariance = self._work.covariance.copy()
-        self.tracks.append(BallTrack(end_us, ball, covariance, quality, config=config, sensor=self.sensor))
+        track = BallTrack(end_us, ball, covariance, quality, config=config, sensor=self.sensor)
+        if not (track.is_slow and self._wants_fast_rivals(end_us)):
+            self.tracks.append(track)
+
+    def _wants_fast_rivals(self, end_us: int) -> bool:
+        """Whether a bright ball is followed: what is slow beside it is not fitted window by window for nothing."""
+        ball = self._confirmed()
+        return ball is not None and ball.end_us == end_us and ball.brighter > 0.0
 
     def _choose(self, end_us: int) -> BallTrack | None:
         """The confirmed track; else the best newly confirmed one, which alone continues."""
@@ -377,7 +387,7 @@ class RefinedDetector:
             if track.end_us == end_us and not track.confirmed and track.is_confirmed_by(self.config, self._brighter)
         ]
         if ball is not None and ball.end_us == end_us:
-            ready = [rival for rival in ready if rival.quality.contrast > RIVAL_CONTRAST_RATIO * ball.quality.contrast]
+            ready = [rival for rival in ready if _outdoes(rival, ball)]
         if not ready:
             return ball
         best = max(ready, key=lambda track: track.quality.points / track.quality.residual_px)
@@ -389,6 +399,13 @@ class RefinedDetector:
     def _on_sensor(self, ball: MovingCircle) -> bool:
         width_px, height_px = self.sensor.width_px, self.sensor.height_px
         return BORDER_PX <= ball.u <= width_px - 1 - BORDER_PX and BORDER_PX <= ball.v <= height_px - 1 - BORDER_PX
+
+
+def _outdoes(rival: BallTrack, ball: BallTrack) -> bool:
+    """Whether a rival is the ball and the tracked one its shadow, or something slow and less round."""
+    if rival.quality.contrast > RIVAL_CONTRAST_RATIO * ball.quality.contrast:
+        return True
+    return ball.is_doubtful and not rival.is_slow and rival.quality.residual_px < ball.quality.residual_px
 
 
 def _apart_px(one: MovingCircle, other: MovingCircle) -> float:

@@ -22,6 +22,9 @@ FRESH: Final = 0.25
 """Weight of the newest fit in the running means."""
 FAST_PER_MS: Final = 0.12
 """Fast: this many of its own radii per ms, 2.4 m/s for a ball."""
+DOUBTFUL_PX: Final = 0.3
+"""Residual from which something slow is doubted: balls have 0.15 to 0.25 px, parts of players that were followed for a
+while had 0.32 to 0.43."""
 SHARPEST_CURVE_PX: Final = 60.0
 FALL_PX_PER_MS2: Final = 0.006
 """Gravity in the picture of a near camera, px/ms^2."""
@@ -126,6 +129,16 @@ class BallTrack:
         """1 for a ball brighter than its ground nearly all round, -1 for a darker one, 0 if neither is certain."""
         certain = self.confirmed and abs(self.brighter) >= self.config.all_round_min
         return 0 if not certain else 1 if self.brighter > 0.0 else -1
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether it is slow for a ball of its size, as the heads and hands of players are."""
+        return math.hypot(self.ball.vu, self.ball.vv) < FAST_PER_MS * self.ball.r
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether it may be a player's head or hand: slow, and less round than balls are. Without a rim none is."""
+        return self.is_slow and self.config.edge == "sharp" and self.quality.residual_px > DOUBTFUL_PX
 
     @property
     def is_terminated(self) -> bool:

@@ -55,7 +55,7 @@ def test_auto_and_paper_differ_in_the_leading_polarity_alone() -> None:
         (("polarity", "leading_polarity"), "up"),
         (("ebpp", "kernel_px"), 4),
         (("ebpp", "blur_px"), 6),
-        (("ebpp", "radius_max_px"), 6),
+        (("ebpp", "radius_max_px"), 3),
         (("fe_fusion", "kernel_px"), 4),
         (("fe_fusion", "radius_max_px"), 3.5),
         (("fe_fusion", "eps_px"), 0.0),

@@ -30,6 +30,14 @@ def test_reasons_are_counted_by_windows_with_the_median_of_their_values() -> Non
     assert (none.windows, none.value, none.limit) == (1, None, None)
 
 
+def test_a_count_without_any_value_reads_as_the_sentence_of_its_windows() -> None:
+    counter = ReasonCounter()
+    counter.add([Reason("votes", "a.votes", None, 80.0, sentence="no circle has 50% of the 80 votes")])
+    assert counter.counts()[0].text == "no circle has 50% of the 80 votes"
+    counter.add([Reason("votes", "a.votes", 60.0, 80.0)])
+    assert counter.counts()[0].text == "votes 60 < 80", "of the windows that have one"
+
+
 def test_a_detector_without_reasons_says_that_it_gives_none() -> None:
     class Silent:
         pass

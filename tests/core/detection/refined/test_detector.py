@@ -80,6 +80,24 @@ def test_a_ball_that_meets_its_own_shadow_is_not_lost(make_scene, make_flight) -
     assert len(found) > 100 and np.median(errors) < 0.3 and max(errors) < 2.5
 
 
+def test_a_hand_that_was_taken_for_the_ball_gives_way_to_it(make_scene, make_flight) -> None:
+    """A hand is slow and not quite round: its events are up to a pixel off. The ball comes when it is followed."""
+    hand = make_flight(u_px=60.0, v_px=60.0, du_px_per_ms=0.7, dv_px_per_ms=0.0)
+    ball = make_flight(u_px=-130.0, v_px=150.0, du_px_per_ms=2.5, dv_px_per_ms=0.1)
+    scene, rng = make_scene(hand, duration_us=110_000), np.random.default_rng(1)
+    one, other = scene.events, make_scene(ball, noise_hz=0, duration_us=110_000).events
+    t, on = np.concatenate([one.t_us, other.t_us]), np.concatenate([one.on, other.on])
+    x, y = (
+        np.clip(np.concatenate([axis + rng.integers(-1, 2, len(axis)), more]), 0, 239 + 80 * (axis is one.x_px))
+        for axis, more in ((one.x_px, other.x_px), (one.y_px, other.y_px))
+    )
+    order = np.argsort(t, kind="stable")
+    found = detect(type(scene)(Events.from_columns(t[order], x[order], y[order], on[order], SENSOR), 110_000))
+    assert any(math.dist((one.u_px, one.v_px), hand.centre(one.t_us)) < 2 for one in found), "it is taken for one"
+    late = [one for one in found if one.t_us > 85_000]
+    assert len(late) > 20 and all(math.dist((one.u_px, one.v_px), ball.centre(one.t_us)) < 2 for one in late)
+
+
 def test_noise_and_hot_pixels_alone_are_no_ball(make_scene) -> None:
     assert detect(make_scene(noise_hz=20, duration_us=150_000)) == []
 
