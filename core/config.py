@@ -68,6 +68,13 @@ def setting(default: float, low: float, high: float, *, step: float | None = Non
     """A numeric config field with `low <= value <= high`; `check_settings` enforces it, sliders use it.
 
     `stage` puts its slider under a heading of its own: the fields of a stage stand together.
+
+    Args:
+        default: value of the field; a whole number makes a field of whole numbers.
+        low: smallest value.
+        high: largest value.
+        step: of the slider; None: 1, or a 200th of the range.
+        stage: heading under which the slider stands.
     """
     if step is None:
         step = 1 if isinstance(default, int) else (high - low) / 200
@@ -169,6 +176,7 @@ def check_settings(config: object) -> None:
             normal_sections(config)
             continue
         if kind is float:
+            # In Python a bool is an int.
             if isinstance(value, bool) or not isinstance(value, (int, float)) or not _is_finite(value):
                 raise ConfigError("not a finite number", expected="float", got=repr(value), where=where)
         elif kind is int:

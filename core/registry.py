@@ -1,4 +1,4 @@
-"""What can be added from outside, by name: detectors, readers, label formats, exporters and rewards.
+"""What can be added from outside, by name: detectors, readers, label formats, exporters, rewards and agents.
 
 A `Registry` holds the things of one kind. Ours are registered by the modules that make them. Others are found when a
 registry is first asked for something that it does not have yet, or for all that it has:
@@ -239,6 +239,7 @@ def load_plugin(path: Path) -> None:
             remedy = "name a Python file"
             raise PluginError("the plugin cannot be read", got=error.strerror, where=path, remedy=remedy) from error
         name = MODULE_PREFIX + re.sub(r"\W", "_", path.stem)
+        # What is hashed is what runs, even if the file changes meanwhile.
         loader = _LoaderOfBytes(name, str(path), content)
         spec = importlib.util.spec_from_file_location(name, path, loader=loader)
         if spec is None or path.suffix != ".py":

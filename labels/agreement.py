@@ -102,6 +102,7 @@ def measure_agreement(first: LabelArrays, second: LabelArrays, *, seed: int = 0)
         p95_px=_of(lambda values: np.percentile(values, 95), distance),
         bias_x_px=_of(np.mean, dx),
         bias_y_px=_of(np.mean, dy),
+        # The difference of two annotators has the variance of both: this is one's.
         sigma_px=_robust_sigma(np.concatenate([dx, dy])) / np.sqrt(2),
         confusion=tuple(tuple(row) for row in confusion.tolist()),
         by_source=_by_source(a.rows(both), b.rows(both)),

@@ -79,7 +79,16 @@ def arrays_of_columns(
     state: NDArray[np.uint8],
     source: NDArray[np.uint8],
 ) -> LabelArrays:
-    """Columns that are sorted already; they become read-only."""
+    """Columns that are sorted already; they become read-only.
+
+    Args:
+        t_us: (N,) times, ascending.
+        x_px: (N,) columns of the centres; nan without a ball.
+        y_px: (N,) rows.
+        r_px: (N,) radii; nan where not known.
+        state: (N,) indices of `STATES`.
+        source: (N,) indices of `SOURCES`.
+    """
     return _freeze(t_us, x_px, y_px, r_px, state, source)
 
 

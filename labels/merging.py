@@ -76,6 +76,12 @@ def merge_stores(
     In conflicts with `prefer`, that annotator's label is taken and the others' are left out. Of one source alone
     everything is kept: it is copied, and saved if it is damaged.
 
+    Args:
+        sources: stores, or folders of them.
+        out: the new store.
+        within_px: distance up to which two labels agree.
+        prefer: annotator whose label counts in a conflict.
+
     Raises:
         LabelError: if a source cannot be read, they are of different recordings, or `out` is there already.
     """

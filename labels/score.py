@@ -99,6 +99,7 @@ def answers_in_time(
         added_us: what every answer takes besides.
         progress: is given the share that is done.
     """
+    # The median: a single slow step (compilation, another process) is not the delay.
     rest_us = int(np.median((answers.end_us - answers.t_us)[answers.detected])) if answers.detected.any() else 0
     delay_us = rest_us + round(1e6 * float(np.median(detector.seconds or [0.0]))) + added_us
     earlier = answers_at(stream, detector, answers.t_us - delay_us, window_us, progress=progress)
@@ -114,7 +115,15 @@ def score_labels(
     *,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[GroupScore, ...]:
-    """Run a detector at every label and score it, all labels first and then each group that has any."""
+    """Run a detector at every label and score it, all labels first and then each group that has any.
+
+    Args:
+        stream: the camera.
+        detector: is reset first.
+        labels: with their groups.
+        window_us: length of the detector's windows.
+        progress: gets the share that is done.
+    """
     asked = labels.rows(labels.state != STATES.index(LabelState.OCCLUDED))
     return score_groups(answers_at(stream, detector, asked.t_us, window_us, progress=progress), asked)
 

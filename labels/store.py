@@ -1,7 +1,8 @@
 """The labels of one recording, one camera and one annotator: every acknowledged edit is on the disk.
 
 All layers of a recording are in one SQLite file, `<folder>/<recording uuid>/labels.sqlite`, to which any number of
-programs may write at the same time. A recording may be read-only, so labels are not kept in it.
+programs may write at the same time; in a folder of a network one program may, and others read. A recording may be
+read-only, so labels are not kept in it.
 """
 
 from __future__ import annotations
@@ -55,6 +56,7 @@ from labels.database.rows import (
     values_before_settling,
 )
 from labels.database.schema import recording_of
+from labels.database.snapshot import Snapshot
 from labels.model import Label, LabelState, PositionSource
 
 __all__ = ["LabelProgress", "LabelStore", "Layer", "UndoStep", "find_annotators", "find_layers", "has_labels"]
@@ -103,6 +105,7 @@ class LabelStore:
         self.path = path
         self.notes = notes
         self._reader = reader
+        # A store that is only dropped closes its file, too.
         self._finalizers = [weakref.finalize(self, reader.close)]
         self._writer: sqlite3.Connection | None = None
         self._follows = False
@@ -145,13 +148,15 @@ class LabelStore:
         Journals of version 1 of this recording are taken over first.
 
         Raises:
-            LabelError: if it cannot be written, is damaged, lies on a network drive, or belongs to something else.
+            LabelError: if it cannot be written, is damaged, belongs to something else, or another program writes it in
+                a shared folder.
         """
         layer = Layer(recording_uuid, camera, annotator, blind)
         for name, value in (("recording", recording_uuid), ("camera", camera), ("annotator", annotator)):
             if not value.strip():
                 raise LabelError(f"labels need a name of the {name}", got=repr(value))
         path = layer.path(folder)
+        # First the writer: it makes the file that the reader opens.
         writer = open_to_write(path, recording_uuid)
         try:
             notes = migrate(writer, folder, recording_uuid)
@@ -160,7 +165,7 @@ class LabelStore:
                 if number is None:
                     with transaction(writer):
                         number = make_layer(writer, camera, annotator, blind)
-            store = cls(layer, path, open_to_read(path), notes)
+            store = cls(layer, path, open_to_read(path, own=True), notes)
         except BaseException:
             writer.close()
             raise
@@ -233,6 +238,13 @@ class LabelStore:
 
     def reject(self, t_us: int, x_px: float, y_px: float, r_px: float | None, detector: str) -> None:
         """Note that a proposal of a detector is wrong. No label changes.
+
+        Args:
+            t_us: time of the proposal.
+            x_px: its column.
+            y_px: its row.
+            r_px: its radius; None: not known.
+            detector: what proposed it.
 
         Raises:
             LabelError: if it is not saved.
@@ -388,6 +400,8 @@ class LabelStore:
         if not self._follows:
             return
         with sqlite_errors(self.path, "cannot read the labels"):
+            if isinstance(self._reader, Snapshot) and self._reader.refresh():
+                self._change_mark = -1
             mark = self._reader.execute("PRAGMA data_version").fetchone()[0]
             if mark == self._change_mark:
                 return

@@ -78,7 +78,7 @@ assert hasattr(os, "pwrite") and hasattr(signal, "SIGKILL"), "this is nobody's c
 assert usable_cores() == os.cpu_count(), "it did not ask for the affinity"
 assert files.POSIX is (sys.argv[1] == "macos") and (files.fcntl is None) is not files.POSIX
 assert hasattr(files.os, "pwrite") is files.POSIX
-from labels.database.connection import _read_mounts
+from labels.database.file_system import _read_mounts
 assert _read_mounts() == "" and open("/proc/mounts").read()
 """
     run(system, tmp_path, asked, system)

@@ -20,7 +20,6 @@ from core.errors import CommandError
 from core.extras import require_package
 from core.jobs import ALONE, JobBackend
 from core.learning.config import (
-    AgentName,
     CurriculumConfig,
     EnvironmentConfig,
     HeadName,
@@ -36,6 +35,7 @@ from core.learning.config import (
     spinning_environment,
 )
 from core.learning.evaluation.reachable import reachable_words
+from core.learning.registered_agents import AgentName
 from core.learning.rewards import RewardConfig, RewardKind
 from core.learning.runs.run_files import create_run, read_run, seed_files
 from core.learning.task.environment import ball_state_files

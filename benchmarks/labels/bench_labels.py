@@ -6,6 +6,7 @@ the disk of the temporary folder.
 
 from __future__ import annotations
 
+import os
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -28,8 +29,10 @@ from benchmarks.labels.durability import (
 )
 from benchmarks.labels.label_shifts import NEAR_PX, NEAR_US, try_shifts
 from benchmarks.machine import Row, describe_machine, goal_row, report_rows_to
+from labels.database.file_system import JOURNAL_VARIABLE, ROLLBACK
 
 KILLS = 300
+SHARED_KILLS = 20
 MANY = 200_000
 ANNOTATORS = 8
 STORED = (0, 20_000, 200_000)
@@ -45,8 +48,8 @@ SEED = 20260
 def run(progress: Callable[[float], None]) -> dict[str, object]:
     """Every figure: what it is, its goal, what was measured, and whether that is enough."""
     rows: list[Row] = []
-    parts = (_durability, _undo, _snapping, _interpolation, _stereo, _queue, _shifts, _scale)
-    weights = np.cumsum([0.2, 0.1, 0.1, 0.1, 0.02, 0.03, 0.15, 0.25])
+    parts = (_durability, _shared_folder, _undo, _snapping, _interpolation, _stereo, _queue, _shifts, _scale)
+    weights = np.cumsum([0.2, 0.05, 0.1, 0.1, 0.1, 0.02, 0.03, 0.15, 0.25])
     with tempfile.TemporaryDirectory(prefix="rallyscope-labels-") as folder:
         for number, part in enumerate(parts):
             found = part(Path(folder) / part.__name__.strip("_"), np.random.default_rng(SEED + number))
@@ -73,6 +76,27 @@ def _durability(folder: Path, rng: np.random.Generator) -> list[Row]:
         rows.append(goal_row(f"durable write p50 at {already} labels", float(np.median(ms)), 5, "ms"))
         rows.append(goal_row(f"durable write p99 at {already} labels", float(np.percentile(ms, 99)), 10, "ms"))
     return rows
+
+
+def _shared_folder(folder: Path, rng: np.random.Generator) -> list[Row]:
+    """The same for a folder of a network: a rollback journal, and one writer with a lease."""
+    before = os.environ.get(JOURNAL_VARIABLE)
+    os.environ[JOURNAL_VARIABLE] = ROLLBACK  # the processes that are killed inherit it
+    try:
+        results = [kill_while_labelling(folder / f"{n % 4}", float(rng.uniform(0, 0.1))) for n in range(SHARED_KILLS)]
+        ms = 1e3 * write_seconds(folder, 200, already=0)
+    finally:
+        os.environ.pop(JOURNAL_VARIABLE)
+        if before is not None:
+            os.environ[JOURNAL_VARIABLE] = before
+    lost, acknowledged = sum(result.lost for result in results), sum(result.acknowledged for result in results)
+    note = "rollback journal with a lease, on a disk of this machine"
+    return [
+        goal_row(f"shared folder: labels lost in {SHARED_KILLS} kills", lost, 0, "", note=f"of {acknowledged}"),
+        goal_row("shared folder: unreadable stores", sum(not result.readable for result in results), 0, ""),
+        goal_row("shared folder: stores that could not go on", sum(not result.resumed for result in results), 0, ""),
+        goal_row("shared folder: durable write p50", float(np.median(ms)), 20, "ms", note=note),
+    ]
 
 
 def _scale(folder: Path, rng: np.random.Generator) -> list[Row]:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 from core.learning.config import (
-    AgentName,
     CurriculumConfig,
     DdpgConfig,
     EnvironmentConfig,
@@ -21,6 +20,7 @@ from core.learning.config import (
     default_run,
     environment_profile,
 )
+from core.learning.registered_agents import AgentName
 from core.learning.rewards import RewardKind
 
 Exploration = Literal["default", "matched"]

@@ -223,6 +223,14 @@ def make_camera(
 ) -> Camera:
     """A camera; what is impossible about it is reported with its place in the file.
 
+    Args:
+        sensor: size of the picture.
+        K: (3, 3) camera matrix, px.
+        distortion: (D,) coefficients as OpenCV orders them for the model.
+        T_world_camera: (4, 4) pose, m.
+        where: file and field, for the message.
+        model: pinhole or fisheye.
+
     Raises:
         CalibrationError: if the values do not make a camera.
     """

@@ -92,11 +92,13 @@ def _slopes_flat(x: float, y: float, lens: Array) -> tuple[float, float, float, 
     r2 = x * x + y * y
     if lens[KIND] == FISHEYE:
         r = math.sqrt(r2)
+        # On the axis both slopes are 0 / 0; their limit is 1.
         if r < 1e-6:
             return 1.0, 0.0, 0.0, 1.0
         angle = math.atan(r)
         across = _fisheye_angle(angle, lens) / r
         along = _fisheye_slope(angle, lens) / (1 + r2)
+        # A radial map stretches by its own slope along the radius, and by angle over radius across it.
         turn = (along - across) / r2
         return across + turn * x * x, turn * x * y, turn * x * y, across + turn * y * y
     radial = 1 + r2 * (lens[K1] + r2 * (lens[K2] + r2 * lens[K3]))
@@ -111,6 +113,7 @@ def _slopes_flat(x: float, y: float, lens: Array) -> tuple[float, float, float, 
         )
     below = 1 + r2 * (lens[K4] + r2 * (lens[K5] + r2 * lens[K6]))
     below_slope = 2 * (lens[K4] + r2 * (2 * lens[K5] + r2 * 3 * lens[K6]))
+    # Quotient rule: the rational model divides two such polynomials (OpenCV).
     slope = (slope - radial / below * below_slope) / below
     radial /= below
     prism_x, prism_y = 2 * (lens[S1] + 2 * lens[S2] * r2), 2 * (lens[S3] + 2 * lens[S4] * r2)

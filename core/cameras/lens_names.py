@@ -76,7 +76,11 @@ def find_lens(
 ) -> LensFound:
     """The model that the keys state and its coefficients; a model that is not ours is refused by its name.
 
-    `asked` is what the user says, `default` the name that the format has for what a file leaves out.
+    Args:
+        node: the keys of one camera in the file.
+        coefficients: (D,) or (1, D) distortion as the file has it.
+        asked: the model that the user states.
+        default: the format's name of the model for files that name none.
 
     Raises:
         CalibrationError: for another model, a wrong number of coefficients, or statements that contradict each other.
@@ -85,6 +89,7 @@ def find_lens(
     if not names and default is not None:
         names = [default]
     flat = coefficients.ravel()
+    # The most coefficients that OpenCV's pinhole has.
     most, model = 14, None
     for name in names:
         plain = _plain(name)

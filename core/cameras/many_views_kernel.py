@@ -58,11 +58,13 @@ def project_with_slopes(p: Array, centre: Array, R: Array, lens: Array, slopes: 
         return math.nan, math.nan
     a = (R[0, 0] * x + R[1, 0] * y + R[2, 0] * z) / zc
     b = (R[0, 1] * x + R[1, 1] * y + R[2, 1] * z) / zc
+    # Farther out the distortion polynomial turns back, and one pixel would have two rays.
     if not math.hypot(a, b) < lens[FOLD]:
         return math.nan, math.nan
     ad, bd = distort_point(a, b, lens)
     xx, xy, yx, yy = slopes_at(a, b, lens)
     for i in range(3):
+        # a = x / z: the quotient rule.
         da = (R[i, 0] - a * R[i, 2]) / zc
         db = (R[i, 1] - b * R[i, 2]) / zc
         slopes[0, i] = lens[FX] * (xx * da + xy * db)
@@ -101,6 +103,7 @@ def _normal_equations(
             return False
         du, dv = uvs[camera, 0] - u, uvs[camera, 1] - v
         distances[camera] = math.hypot(du, dv)
+        # The floor is in the weights only; `noise` has the pixels' own spread, so the covariance stays honest.
         a, b, c = _weights(spreads[camera], floor_px)
         for i in range(3):
             su, sv = slopes[0, i], slopes[1, i]
@@ -156,11 +159,13 @@ def refine_rows(
             if not usable or not _normal_equations(p, uvs[row], rig, spreads[row], floor_px, equations, distances[row]):
                 usable = False
                 break
+            # The limit of `invert_symmetric` is meant for entries near 1.
             scale = (hessian[0, 0] + hessian[1, 1] + hessian[2, 2]) / 3.0
             scaled[:] = hessian / scale
             if not invert_symmetric(scaled, inverse):
                 usable = False
                 break
+            # The last round only evaluates: covariance and distances are those of the final point.
             if seen < 3 or step == ROUNDS:
                 break
             p += (inverse @ gradient) / scale

@@ -133,6 +133,7 @@ class StereoRig:
             points.residuals_px,
             points.covariances_m2,
         )
+        # The nearest point to rays weighs them in metres; with more than two, the errors in pixels decide.
         if distances is not None:
             refine_rows(
                 uvs,

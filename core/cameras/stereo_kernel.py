@@ -111,6 +111,8 @@ def triangulate_rows(
                 rays[c, i] = (Rs[c, i, 0] * x + Rs[c, i, 1] * y + Rs[c, i, 2]) / norm
             for i in range(3):
                 for j in range(3):
+                    # I - r r': takes what is along the ray out, so the sum is minimal where the distances to the rays
+                    # are.
                     across = (1.0 if i == j else 0.0) - rays[c, i] * rays[c, j]
                     normal[i, j] += across
                     right[i] += across * centres[c, j]

@@ -259,6 +259,7 @@ class RallyChain:
         lone = self._common_time.take_lone()
         if self._single is not None:
             alone = self._single.follow(lone)
+            # A point of two cameras counts before that of one, whose depth comes from the flight alone.
             point = point or alone
         verdict = None if point is None else self._gate.judge(point.t_us, point.p_world_m)
         fresh = self._follow(point, verdict)
@@ -283,6 +284,7 @@ class RallyChain:
         if together is None:
             return None, None
         t_us, uvs, covariances = together
+        # Without a point the detections go back: each may still be the ball, seen by one camera alone.
         found = self.rig.triangulate_one(uvs, covariances)
         if found is None:
             self._common_time.put_back()

@@ -68,6 +68,13 @@ def follow_recording(
 ) -> Track:
     """The track of the ball through a recording, all cameras window by window, or `only` some.
 
+    Args:
+        recording: with a calibration of each camera.
+        config: detector, gate, prediction and control.
+        window_us: length of a window.
+        only: names of the cameras that are used; None: all.
+        progress: gets the share of the recording that is done.
+
     Raises:
         CalibrationError: if there are fewer than two cameras, or one has no calibration.
     """

@@ -60,9 +60,17 @@ class SizeCheck:
         """Other circles of the cameras `names` that make a ball with what the rest sees, and its point.
 
         The detectors then go on from them.
+
+        Args:
+            names: cameras whose circle has a wrong size.
+            windows: the window of every camera.
+            detectors: those of the same cameras.
+            uvs_px: (C, 2) centres in all cameras, in the rig's order; nan: none.
+            radii_px: of the circles that are kept.
         """
         others = [_circles(windows[name], detectors[name]) for name in names]
         best: tuple[dict[str, Detection], TriangulatedPoint] | None = None
+        # All cameras in doubt together: the point depends on each of their circles.
         for circles in itertools.product(*others):
             chosen = dict(zip(names, circles, strict=True))
             uvs = uvs_px.copy()

@@ -69,6 +69,7 @@ class EventWindows(Dataset[WindowSample]):
             raise ConfigError("not in the index of the data set", got=missing[0], where=str(self._folder))
         self._uuids = {name: str(rows[name]["uuid"]) for name in files}
         self._open: OrderedDict[str, Recording] = OrderedDict()
+        # An HDF5 file that was opened before a fork cannot be read after it: a loader's workers open their own.
         self._opened_by = os.getpid()
         self._streams: list[tuple[str, str]] = []
         self._starts_us: list[NDArray[np.int64]] = []

@@ -79,6 +79,7 @@ def read_index(folder: Path) -> pa.Table:
         raise RecordingError("not an index of a data set", where=path, got=got, remedy=remedy) from error
     if empty := [name for name in SCHEMA.names if table.column(name).null_count]:
         raise RecordingError("the index is damaged", got=f"no {empty[0]} in a row", where=path, remedy=remedy)
+    # The index may be a stranger's: no name leads out of its folder.
     if foreign := [name for name in files if not name.endswith(".h5") or Path(name).name != name or "\0" in name]:
         raise RecordingError("the index names a file elsewhere", got=repr(foreign[0][:80]), where=path, remedy=remedy)
     if len(set(files)) < len(files):

@@ -136,6 +136,16 @@ def plan_data_set(
 ) -> DataSetPlan:
     """Every scene at every speed from every placement, `recordings_per` times. Two players of a rally need no robot.
 
+    Args:
+        speeds_mps: of the serves at the launcher.
+        scenes: names of scenes.
+        placements: names of camera placements.
+        recordings_per: recordings of each combination.
+        serves: serves in a recording.
+        robot: whether a robot plays them back.
+        seed: from which, and its name, each recording has its own.
+        making: physics, sensor and frames; None: the defaults.
+
     Raises:
         ConfigError: if there is no such scene, placement or speed, or one is named twice.
     """
@@ -151,6 +161,7 @@ def plan_data_set(
                     placement=placement,
                     speeds_mps=(float(speed_mps),) * serves,
                     robot=robot and scene_named(scene).cast != "rally",
+                    # Of its name: a scene more does not change the other recordings.
                     seed=recording_seed(seed, name),
                     making=making,
                 )

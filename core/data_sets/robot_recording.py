@@ -67,6 +67,19 @@ def record_robot(
     The cameras work in `threads` threads, one each unless told otherwise. `remarks` are added to the config in the
     recording.
 
+    Args:
+        path: the file.
+        config: task, scene, sensor and racket.
+        cameras: lens and pose, by name.
+        speeds_mps: of the serves, one after the other.
+        seed: of serves and noise.
+        frames: pictures that are taken too.
+        threads: of the cameras.
+        uuid: identity of the recording; None: a new one.
+        remarks: added to its config.
+        overwrite: whether a file there may be replaced.
+        progress: gets the share that is done.
+
     Raises:
         RecordingError: if the file exists and `overwrite` is not set, or it cannot be written.
         ConfigError: if there is no serve of a speed, or two players have the table.

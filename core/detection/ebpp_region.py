@@ -38,7 +38,14 @@ def region_of(last: FollowedCircle | None, end_us: int, config: EbppConfig) -> R
 def follow(
     last: FollowedCircle | None, circle: tuple[float, float, float] | None, end_us: int, config: EbppConfig
 ) -> FollowedCircle | None:
-    """What is followed after the window that ends then, with this circle (u_px, v_px, r_px) or without one."""
+    """What is followed after the window that ends then, with this circle (u_px, v_px, r_px) or without one.
+
+    Args:
+        last: what was followed before.
+        circle: (u, v, r) found in the window, px.
+        end_us: end of the window.
+        config: of the detector.
+    """
     if circle is not None:
         u, v, r = round(circle[0], 2), round(circle[1], 2), circle[2]
         if last is None or end_us <= last.end_us:

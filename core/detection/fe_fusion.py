@@ -176,6 +176,7 @@ class FeFusionDetector:
         events = self._kept(window.events)
         self._counts = len(window.events), len(events)
         if len(events):
+            # Twice what is needed: a rate that rises slowly does not allocate in every window.
             if len(events) > self._room:
                 self._make_room(2 * len(events))
             clusters = self._clusters = measure_clusters(

@@ -200,7 +200,14 @@ def circle_points(u_px: float, v_px: float) -> NDArray[np.float64]:
 
 
 def box_points(u_px: float, v_px: float, width_px: float, height_px: float) -> NDArray[np.float64]:
-    """(4, 2) corners of a box round (u, v)."""
+    """(4, 2) corners of a box round (u, v).
+
+    Args:
+        u_px: column of the centre.
+        v_px: row of the centre.
+        width_px: full width.
+        height_px: full height.
+    """
     x, y = 0.5 * width_px, 0.5 * height_px
     return np.array([(u_px - x, v_px - y), (u_px + x, v_px - y), (u_px + x, v_px + y), (u_px - x, v_px + y)])
 

@@ -94,6 +94,7 @@ def register_detector(
         config=config,
         label=label,
         colour=colour,
+        # Through the config, which checks the bounds.
         window_us=WindowConfig(window_us=window_us).window_us,
         usual=usual,
         stages=stages,

@@ -73,6 +73,8 @@ def trace_window(
     found = [
         _examine(label, clean, clustered, rows, state.on_leads, config, clock) for label, rows in enumerate(clusters)
     ]
+    # What a stage leaves is the union over the clusters: each was examined alone, Tune shows the stage as one
+    # picture.
     kept = clean
     for number, name in enumerate(_CANDIDATE_STAGES):
         left = [one for one in found if one.rejected_by not in _CANDIDATE_STAGES[: number + 1]]
@@ -158,6 +160,7 @@ def _examine(
     with clock.time("polarity"):
         evidence = 0.0
         if config.polarity.leading_polarity == "auto":
+            # With events of the other clusters near: the two edges of a large ball are often two clusters.
             evidence = on_evidence(
                 clustered.rows(near_centroid(addresses(clustered), addresses(events), config.polarity.pair_radius_px))
             )

@@ -29,7 +29,14 @@ class SliceableEvents(Protocol):
 
 
 def windows_between(source: SliceableEvents, start_us: int, end_us: int, window_us: int) -> Iterator[Window]:
-    """Complete windows of length `window_us` in [start_us, end_us), in order; empty ones too."""
+    """Complete windows of length `window_us` in [start_us, end_us), in order; empty ones too.
+
+    Args:
+        source: events of one camera.
+        start_us: start of the first window.
+        end_us: no window ends later.
+        window_us: length of each.
+    """
     for start in range(start_us, end_us - window_us + 1, window_us):
         yield Window(source.slice(start, start + window_us), start, start + window_us)
 
@@ -37,7 +44,14 @@ def windows_between(source: SliceableEvents, start_us: int, end_us: int, window_
 def windows_side_by_side(
     sources: Mapping[str, SliceableEvents], start_us: int, end_us: int, window_us: int
 ) -> Iterator[dict[str, Window]]:
-    """Complete windows of several sources at once, by name."""
+    """Complete windows of several sources at once, by name.
+
+    Args:
+        sources: events of each camera, by name.
+        start_us: start of the first window.
+        end_us: no window ends later.
+        window_us: length of each.
+    """
     streams = [windows_between(source, start_us, end_us, window_us) for source in sources.values()]
     for windows in zip(*streams, strict=True):
         yield dict(zip(sources, windows, strict=True))
@@ -46,7 +60,14 @@ def windows_side_by_side(
 def block_windows(
     events: Mapping[str, Events], start_us: int, end_us: int, window_us: int
 ) -> Iterator[dict[str, Window]]:
-    """Window after window of every camera over [start_us, end_us)."""
+    """Window after window of every camera over [start_us, end_us).
+
+    Args:
+        events: those of the block, by camera.
+        start_us: start of the first window.
+        end_us: no window ends later.
+        window_us: length of each.
+    """
     sources = {name: _BlockEvents(one) for name, one in events.items()}
     return windows_side_by_side(sources, start_us, end_us, window_us)
 

@@ -159,6 +159,7 @@ class RawRecorder:
                 device.close()
             raise
         for one in self._files:
+            # All files exist before the first camera sends: a name that is taken ends it without a file left.
             one.start()
 
     @property

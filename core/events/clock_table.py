@@ -66,6 +66,7 @@ def read_clock_table(path: Path) -> ClockTable:
         rows = np.array([[int(word) for word in line.split(",")] for line in lines[1:]], np.int64)
     except (ValueError, OverflowError) as error:
         raise RecordingError("not a table of clocks", got=str(error), where=path) from error
+    # An empty list has one dimension.
     rows = rows.reshape(-1, 2) if not rows.size else rows
     if rows.ndim != 2 or rows.shape[1] != 2:
         raise RecordingError("a table of clocks without two numbers in each row", where=path)

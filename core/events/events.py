@@ -46,6 +46,13 @@ class Events:
     def from_columns(t_us: ArrayLike, x_px: ArrayLike, y_px: ArrayLike, on: ArrayLike, sensor: SensorSize) -> Events:
         """Events from any four equally long columns; copies only what has another type or layout.
 
+        Args:
+            t_us: (N,) times, never decreasing.
+            x_px: (N,) columns.
+            y_px: (N,) rows.
+            on: (N,) polarities: whether the pixel became brighter.
+            sensor: its size, which holds all addresses.
+
         Raises:
             EventsError: if lengths differ, time decreases, or an address lies outside the sensor.
         """
@@ -142,7 +149,14 @@ def count_image(events: Events, *, binning: int = 1) -> NDArray[np.int64]:
 
 
 def time_surface(events: Events, *, now_us: int, tau_us: float, binning: int = 1) -> NDArray[np.float32]:
-    """exp(-(now - t) / tau) of each pixel's latest event at t, 0 where there was none."""
+    """exp(-(now - t) / tau) of each pixel's latest event at t, 0 where there was none.
+
+    Args:
+        events: in order of time.
+        now_us: time at which the surface is 1.
+        tau_us: time constant of the decay.
+        binning: side of a cell, px.
+    """
     surface = np.zeros(_binned_shape(events, binning), np.float32)
     surface[events.y_px // binning, events.x_px // binning] = np.exp((events.t_us - now_us) / tau_us)
     return surface

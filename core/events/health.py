@@ -102,6 +102,7 @@ def assess_health(
             continue
         counts = count_image(events)
         totals += counts
+        # A hot pixel is active in nearly every slice, a busy one where something moves only then.
         active_slices += counts > 0
         on_count += int(np.count_nonzero(events.on))
         sample_count += len(events)

@@ -66,6 +66,7 @@ def find_missed_ball(request: MissedBallRequest) -> MissedBall | None:
     unseen = _unseen(request.recording, steps)
     last = unseen[-1] if unseen else None
     lost = [one for one in history.outcomes_between(start_us - 1, t_us) if one.spot.case != Case.RETURNED]
+    # The newest failure first; an unseen ball after it is newer still, and counts instead.
     for outcome in reversed(lost):
         end_us = outcome.t_us if outcome.t_us > outcome.serve_us else outcome.serve_us + BALL_US
         if last is not None and last.t_us > end_us:

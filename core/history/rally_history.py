@@ -280,6 +280,7 @@ class RallyHistory:
         with self._lock:
             step = self._steps.last(t_us)
             begun_us = self._flights.last(t_us) or 0
+            # Less 1: `between` leaves its start out.
             points = self._points.between(max(t_us - TRAIL_US, begun_us - 1), t_us)
             racket = self._rackets.last(t_us)
             truth = self._truths.last(t_us)

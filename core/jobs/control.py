@@ -71,8 +71,15 @@ def use_one_thread() -> None:
 
 @contextmanager
 def one_torch_thread() -> Iterator[None]:
-    """Context in which torch computes in the calling thread: a fixed order of sums, and all its time is counted."""
-    torch = sys.modules["torch"]
+    """Context in which torch computes in the calling thread: a fixed order of sums, and all its time is counted.
+
+    Where nobody has loaded torch, as with an agent of numpy alone, the same for numpy.
+    """
+    torch = sys.modules.get("torch")
+    if torch is None:
+        with threadpool_limits(1):
+            yield
+        return
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

@@ -9,14 +9,14 @@ import dataclasses
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
-from core.config import check_settings, setting
+from core.config import Sections, check_settings, choice, normal_sections, open_sections, setting
 from core.errors import ConfigError
+from core.learning.registered_agents import AGENTS, AgentName, agent_section
 from core.learning.rewards import RewardConfig
 from core.physics.config import Profile
 from core.physics.constants_file import FittedConstants
 from core.physics.task import TaskConfig, hard_serves, task_profile
 
-AgentName = Literal["ddpg", "landing-model", "ppo", "a2c", "trpo", "td3", "sac"]
 StateSource = Literal["predicted", "truth", "truth+noise", "timed", "events"]
 StateKind = Literal["plain", "spin"]
 RacketSpeedRule = Literal["table", "chosen"]
@@ -133,6 +133,7 @@ class EnvironmentConfig:
             )
         if self.state == "spin" and self.state_source == "timed" and self.timing.predictor == "paper":
             raise ConfigError("the paper's five points tell no spin", expected='predictor "filter"', where="timing")
+        # Those sources fly the serve again from its launch, which a recorded ball does not have.
         if self.recorded and (self.state_source in ("predicted", "timed") or self.outcomes == "events"):
             raise ConfigError(
                 "recorded balls are not seen so",
@@ -286,7 +287,7 @@ class Sb3Config:
 class RunConfig:
     """Every setting of a training run."""
 
-    agent: AgentName = "ddpg"
+    agent: AgentName = choice("ddpg", AGENTS)
     environment: EnvironmentConfig = field(default_factory=EnvironmentConfig)
     reward: RewardConfig = field(default_factory=RewardConfig)
     exploration: ExplorationConfig = field(default_factory=ExplorationConfig)
@@ -302,13 +303,17 @@ class RunConfig:
     """Episodes between checkpoints; each also evaluates the policy (paper: every 50)."""
     evaluation_balls: int = setting(500, 1, 100_000)
     """Fixed balls of an evaluation, the same for every run."""
+    registered: Sections = open_sections(
+        AGENTS.view(lambda one: one.config or object, where=lambda one: one.config is not None, key=agent_section)
+    )
+    """Settings of each agent of a plug-in that has some: a section of its name."""
 
     def __post_init__(self) -> None:
         check_settings(self)
-        if self.environment.racket == "chosen" and self.agent != "landing-model":
-            raise ConfigError(
-                "an agent of three angles", expected="landing-model", got=self.agent, where='racket = "chosen"'
-            )
+        normal_sections(self)
+        if self.environment.racket == "chosen" and not AGENTS[self.agent].chooses_racket_speed:
+            can = ", ".join(name for name, one in AGENTS.items() if one.chooses_racket_speed)
+            raise ConfigError("an agent of three angles", expected=can, got=self.agent, where='racket = "chosen"')
         plain = self.environment.racket == "table" and self.environment.state == "plain"
         if self.agent == "landing-model" and self.landing_model.head in WITHOUT_NETWORKS and not plain:
             raise ConfigError(
@@ -323,6 +328,16 @@ class RunConfig:
     def episodes(self) -> int:
         """Episodes of all stages together, at most."""
         return sum(self.curriculum.episodes)
+
+
+def agent_settings(config: RunConfig, agent: str) -> object:
+    """The settings of an agent of a plug-in in a run's config, as they come where the run says nothing.
+
+    Raises:
+        KeyError: if there is no such agent.
+    """
+    own = AGENTS[agent].config
+    return dict(config.registered).get(agent_section(agent)) or (own() if own is not None else None)
 
 
 def environment_profile(

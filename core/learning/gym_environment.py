@@ -63,6 +63,14 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
 
         A `backend` serves, shows and plays them elsewhere than in the closed-form simulator. `reward` may be a name,
         and `racket` replaces that of the `environment`.
+
+        Args:
+            speed_mps: of the serves at the launcher.
+            environment: the task; None: the paper's.
+            reward: its config or name; None: the paper's.
+            batch: fixed balls.
+            backend: what serves and plays them; None: the closed-form simulator.
+            racket: speed of the racket; None: the environment's.
         """
         self.environment, self.reward = task_of(environment, reward, racket)
         self.speed_mps = speed_mps
@@ -76,6 +84,7 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         self._drawn = batch
         self._next = 0
         self._now: ServeBatch | None = None
+        # `step` before the first `reset` is an error.
         self._is_over = True
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:

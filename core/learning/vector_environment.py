@@ -40,7 +40,15 @@ class VectorReturn(gymnasium.vector.VectorEnv[Floats, Floats, NDArray[Any]]):
         reward: RewardConfig | str | None = None,
         racket: RacketSpeedRule | None = None,
     ) -> None:
-        """Raises ConfigError for a number of copies below 1, or states from events, which need event cameras."""
+        """Raises ConfigError for a number of copies below 1, or states from events, which need event cameras.
+
+        Args:
+            num_envs: number of copies.
+            speed_mps: of the serves at the launcher.
+            environment: the task; None: the paper's.
+            reward: its config or name; None: the paper's.
+            racket: speed of the racket; None: the environment's.
+        """
         if num_envs < 1:
             raise ConfigError("no copies of the environment", expected="1 or more", got=num_envs, where="num_envs")
         self.environment, self.reward = task_of(environment, reward, racket)

@@ -195,6 +195,7 @@ class CameraSource:
         if self.status == "lost":
             self._changed.wait(WAIT_S)
             return None
+        # A camera that is silent is waited for at most PATIENCE_S, once: then the others go on without it.
         there = [
             end_us is not None and feed.complete_us >= end_us for feed, end_us in zip(self._feeds, ends_us, strict=True)
         ]

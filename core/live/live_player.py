@@ -263,6 +263,7 @@ class LivePlayer:
                     resumes, self._just_resumed = self._just_resumed or item.resumes, False
                     counted, self._just_dropped = None if resumes else counted, 0
                 fresh, self._new_config = self._new_config, False
+            # A new session is begun with the newest config anyway.
             if isinstance(item, m.Reply):
                 self._begin(item)
             elif fresh:

@@ -51,6 +51,15 @@ class ReplaySource:
         Without `loop` it ends after the last block, and its status is "lost". `physics`: of the rally, if known; the
         built-in controller takes the racket's rubber from it.
 
+        Args:
+            recording: what is played.
+            name: of it, for messages.
+            speed: times real time.
+            loop: whether it begins again.
+            longest_us: length after which a session ends.
+            clock: wall time, s.
+            physics: of the rally, if known.
+
         Raises:
             ConfigError: if the speed is not in SPEEDS.
             RecordingError: if the recording has no cameras, or nothing happens in it.
@@ -66,6 +75,7 @@ class ReplaySource:
         self.behind_s = 0.0
         self._recording, self._cameras, self._speed = recording, dict(recording.cameras), speed
         self._loop = loop
+        # Rounded up: the last block of a loop may be short.
         self._blocks_per_loop = -(-recording.duration_us // BLOCK_US)
         self._longest_us, self._clock = longest_us, clock
         self._changed = threading.Condition()

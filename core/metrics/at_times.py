@@ -63,6 +63,7 @@ def answers_at(
         else:
             rows.append((found.u_px, found.v_px, found.r_px, detector.extra_circles))
             detections.append(found)
+            # How late a detector's estimates are is known from its detections only.
             late_us = seen_until - found.t_us
         if progress is not None:
             progress((number + 1) / len(t_us))

@@ -35,7 +35,18 @@ def heat_map(
     shares: NDArray[np.float64],
     counts: NDArray[np.int64],
 ) -> None:
-    """Write `shares` (rows, columns) in [0, 1] as cells, with the counts they are of; those of nothing stay empty."""
+    """Write `shares` (rows, columns) in [0, 1] as cells, with the counts they are of; those of nothing stay empty.
+
+    Args:
+        path: the picture that is written.
+        title: over it.
+        x_title: under the columns.
+        y_title: beside the rows.
+        x_bins: names of the columns.
+        y_bins: names of the rows.
+        shares: (rows, columns) in [0, 1].
+        counts: (rows, columns) of how many.
+    """
     with chart_axes(path, (1.6 + 0.9 * len(x_bins), 1 + 0.5 * len(y_bins)), title, x_title, y_title) as axes:
         axes.pcolormesh(np.ma.masked_where(counts == 0, shares), cmap="Oranges", vmin=0, vmax=1)
         axes.set_xticks(np.arange(len(x_bins)) + 0.5, x_bins)
@@ -50,6 +61,13 @@ def heat_map(
 @contextmanager
 def chart_axes(path: Path, size_in: tuple[float, float], title: str, x_title: str, y_title: str) -> Iterator[Axes]:
     """Axes to draw on; the file is written at the end.
+
+    Args:
+        path: the picture that is written.
+        size_in: width and height, inches.
+        title: over it.
+        x_title: under the x axis.
+        y_title: beside the y axis.
 
     Raises:
         RallyscopeError: without matplotlib.

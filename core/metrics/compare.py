@@ -200,6 +200,7 @@ def compare_methods(
     if not isinstance(against, PixelReference) and against not in configs:
         order.append(against)
     runs: dict[Method, MethodRun] = {}
+    # Times of methods are comparable only if each has one thread.
     with one_opencv_thread():
         for number, method in enumerate(order):
             config = configs.get(method) or method_config(method)
@@ -250,7 +251,16 @@ def run_method_at(
     progress: Callable[[float], None] = lambda share: None,
     cancelled: Callable[[], bool] | None = None,
 ) -> MethodRun:
-    """A method's answers at the times (N,) of labels, those of `answers_at`, with the time of each one's own window."""
+    """A method's answers at the times (N,) of labels, those of `answers_at`, with the time of each one's own window.
+
+    Args:
+        stream: the camera.
+        method: name of the detector.
+        config: its settings.
+        t_us: (N,) times, ascending.
+        progress: gets the share that is done.
+        cancelled: is asked before each time.
+    """
     window_us = method_config(method, config).window.window_us
     detector, step_s = TimedDetector(make_detector(method, stream.sensor, config)), list[float]()
 

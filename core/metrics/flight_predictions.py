@@ -135,6 +135,7 @@ def _score(predict: Callable[[RecordedFlight], PredictedFlight | None], flights:
         predicted = predict(RecordedFlight(flight.name, flight.t_s[seen], flight.ps_m[seen]))
         if predicted is None:
             continue
+        # A bounce that was observed is no prediction.
         if bounce is not None and bounce[0] > OBSERVED_S and predicted.bounce is not None:
             bounce_mm.append(1e3 * float(np.linalg.norm(predicted.bounce[1:] - bounce[1:])))
         for ahead in AHEAD_S:

@@ -134,6 +134,7 @@ def score_on_grid(
         t_us, match, error, off_u, off_v = t_us[mine], match[mine], error[mine], off_u[mine], off_v[mine]
     moving = image_velocity(truth, t_us[match])
     fast = np.hypot(moving[:, 0], moving[:, 1])
+    # False answers count at every speed: where there is no ball there is none.
     counted = (low <= fast) & (fast < high)
     with np.errstate(invalid="ignore", divide="ignore"):
         along = (off_u[match] * moving[:, 0] + off_v[match] * moving[:, 1]) / fast

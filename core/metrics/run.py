@@ -136,6 +136,7 @@ def answer_windows(
         elif reasons is not None:
             reasons.add(reasons_of(detector))
         rows.append((window.end_us, *place, detector.extra_circles))
+        # A window of events takes less time than asking; a picture through a network takes much more.
         if number % (REPORT_EVERY if window.frame is None else 1) == 0:
             if cancelled is not None and cancelled():
                 break

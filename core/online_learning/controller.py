@@ -99,7 +99,16 @@ class LearningController:
         spin_radps: ArrayLike | None = None,
         spin_sigma_radps: ArrayLike | None = None,
     ) -> RacketDecision | None:
-        """As a trained policy does; the spin is no part of what is learned."""
+        """As a trained policy does; the spin is no part of what is learned.
+
+        Args:
+            t_c_s: when the ball is at the hitting plane, s.
+            p_c_m: (3,) where, world.
+            v_c_mps: (3,) its velocity there, world.
+            stage: "pre" or "post": before or after the bounce.
+            spin_radps: not used.
+            spin_sigma_radps: not used.
+        """
         policy = self._source.policy_for(t_c_s)
         decision = PolicyController(policy, self._source.task, self._goal).decide(t_c_s, p_c_m, v_c_mps, stage=stage)
         if decision is not None:

@@ -215,6 +215,7 @@ def judge_stroke(points: BallPoints, turn_s: float, config: OutcomeClassifierCon
     fits: list[OutgoingFit] = []
     part = points.part(slice(0, 0))
     candidates: list[float] = []
+    # The time of the contact depends on the fit, and which points are fitted on the contact.
     for _ in range(ROUNDS):
         which = (points.t_s > at_s + guard_s) & (points.t_s <= end_s)
         if which.sum() < config.fewest_points:
@@ -407,7 +408,14 @@ class OutcomeClassifier:
     def add(
         self, t_us: int, p_world_m: Array, covariance_m2: Array, *, is_new_flight: bool = False
     ) -> ClassifiedStroke | None:
-        """Add a point, in order of time."""
+        """Add a point, in order of time.
+
+        Args:
+            t_us: time of the point.
+            p_world_m: (3,) position.
+            covariance_m2: (3, 3) of the position.
+            is_new_flight: whether the tracker began anew with it.
+        """
         if is_new_flight:
             self._new_flight = 0
             if self._phase != "flying":

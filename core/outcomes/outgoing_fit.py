@@ -165,7 +165,14 @@ class OutgoingFit:
 
 
 def fit_outgoing(points: BallPoints, at_s: float, config: OutcomeClassifierConfig, *, air: bool) -> OutgoingFit:
-    """The flight through at least three points, of one of the two kinds."""
+    """The flight through at least three points, of one of the two kinds.
+
+    Args:
+        points: positions after the contact, with covariances.
+        at_s: time of the contact, at which the fit's state holds.
+        config: priors and noise.
+        air: whether drag and spin are unknowns too.
+    """
     unknowns = 10 if air else 6
     lift = LIFT * config.magnus if air else 0.0
     row, t_s = _first_guess(points, at_s, config, air=air), points.t_s - at_s

@@ -184,7 +184,14 @@ def newest_prediction(
 
 
 def with_prediction(batch: ServeBatch, seen: HitPlane, served_s: float, environment: EnvironmentConfig) -> ServeBatch:
-    """The batch of one serve with the state and the aim that a prediction gives; its times count from the serve."""
+    """The batch of one serve with the state and the aim that a prediction gives; its times count from the serve.
+
+    Args:
+        batch: of one serve.
+        seen: the prediction, its times on the chain's clock.
+        served_s: time of the serve on that clock.
+        environment: which kind of state.
+    """
     return dataclasses.replace(
         batch,
         seen=np.array([True]),

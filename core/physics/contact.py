@@ -100,6 +100,7 @@ def next_contact(s: Array, air: Air, out: Array) -> tuple[int, float]:
     """What the ball touches first and when; its state at that time, before the impact, goes to `out`."""
     touched, first = NOTHING, math.inf
     state = np.empty(9)
+    # A ball meets the net and a table's end only on the side from which it comes.
     heading = 1.0 if s[3] > 0 else -1.0
 
     t = come_down(s, air, state)
@@ -117,6 +118,7 @@ def next_contact(s: Array, air: Air, out: Array) -> tuple[int, float]:
         if t < first and below_top and abs(state[1]) <= HALF_WIDTH_M:
             touched, first = (OWN_END if state[0] < 0 else FAR_END), t
             out[:] = state
+    # A contact below the floor cannot be: the ball was on the floor before.
     if touched == NOTHING or out[2] < FLOOR_Z_M + BALL_RADIUS_M:
         t = fall_through(s, (0.0, 0.0, 1.0, 0.0, -FLOOR_Z_M - BALL_RADIUS_M), air, state)
         if t < first:

@@ -78,6 +78,7 @@ def _plane_value(
     if which == TOP_OF_ARC:
         return _slope(a[2], a[5], b[2], b[5], h, t)
     if which == FACE:
+        # Normals are interpolated linearly and brought to length 1: a mean of two unit vectors is shorter.
         value = -BALL_RADIUS_M
         length = 0.0
         for k in range(3):

@@ -52,6 +52,7 @@ def positions_at(start: Array, t_s: Array, air: Air, table: Surface, ps_m: Array
             strike(s, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), table)
             now = bounce
             wait = come_down(s, air, landed)
+            # A ball that lies on the table would bounce for ever in no time.
             later = not math.isnan(wait) and wait > 1e-6 and over_table(landed[0], landed[1])
             bounce = now + wait if later else math.inf
         left = t_s[n] - now
@@ -155,6 +156,7 @@ def fit_physics(
     shared, starts = guess[0] / SHARED_SCALES, (guess[1] / SCALES).ravel()
     low = np.concatenate([LOWEST / SHARED_SCALES, np.full(len(starts), -np.inf)])
     high = np.concatenate([HIGHEST / SHARED_SCALES, np.full(len(starts), np.inf)])
+    # A start moves only its own flight's residuals: the sparsity makes the cost linear in the flights.
     solution = least_squares(
         lambda x: _residuals(x, flights, magnus),
         np.concatenate([shared, starts]),
@@ -162,6 +164,7 @@ def fit_physics(
         bounds=(low, high),
         loss="soft_l1",
         f_scale=1.0,
+        # The unknowns are scaled already, and residuals are in units of NOISE_M.
         x_scale=1.0,
         diff_step=1e-4,
         max_nfev=MAX_EVALUATIONS,

@@ -158,6 +158,7 @@ def fall_through(s: Array, plane: tuple[float, float, float, float, float], air:
         fly(before, h, air, after)
         g_after = a * after[0] + b * after[1] + c * after[2] + d * (elapsed + h) + e
         if g >= 0 and g_after < 0:
+            # In `_locate` time begins at this step, by which the plane has moved.
             return elapsed + _locate(before, (a, b, c, d, e + d * elapsed), g, g_after, air, out)
         before[:] = after
         g = g_after

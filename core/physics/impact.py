@@ -58,6 +58,12 @@ def strike(
     """Change the velocity and spin of state `s` (9,) by the impact on a surface whose contact point moves with `wall`.
 
     `normal` points from the surface to the ball. A ball that already leaves the surface is not touched.
+
+    Args:
+        s: (9,) position, velocity and spin, changed in place: m, m/s, rad/s.
+        normal: unit vector from the surface to the ball.
+        wall: velocity of the contact point, m/s.
+        surface: restitution and friction.
     """
     nx, ny, nz = normal
     rx, ry, rz = s[3] - wall[0], s[4] - wall[1], s[5] - wall[2]

@@ -202,8 +202,10 @@ def _numbers(cells: list[tuple[int, list[str]]], columns: _Columns, path: Path, 
     decimal_commas = 0
     for line, texts in cells:
         where = f"{path}, row {line}"
+        # Spreadsheets end rows with empty cells.
         while len(texts) > wide and not texts[-1].strip():
             texts.pop()
+        # A decimal comma between commas makes two cells of each number.
         decimal_commas += len(texts) in (2 * wide, 2 * len(columns.places))
         try:
             if len(texts) != wide:
@@ -269,6 +271,7 @@ def _without_stray_times(rows: _Rows, columns: _Columns, path: Path, notes: list
         ]
         if len(strays) <= most:
             kept[off] = False
+    # A stray at an end may keep the order, so there it is found by its distance.
     for count in range(1, most + 1):
         for ends in (slice(None, count), slice(-count, None)):
             rest = kept.copy()
@@ -440,6 +443,7 @@ def _without_repeated(t_s: Array, rows: _Rows, path: Path, notes: list[str]) -> 
     repeated = np.flatnonzero(~kept)
     same = (rows.table[repeated] == rows.table[repeated - 1]).all(axis=1)
     copies, others = int(same.sum()), repeated[~same]
+    # So few rows have none to spare: a copy is refused like any other repeated time.
     if copies and len(t_s) < FEWEST:
         copies, others = 0, repeated
     if copies:

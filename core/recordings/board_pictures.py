@@ -62,6 +62,7 @@ def read_board_pictures(
         recording = open_recording(source)
         try:
             known: dict[str, FrameStream | CameraStream] = {**recording.cameras, **recording.frames}
+            # Pictures show a board better than events do.
             chosen = recording.frames or recording.cameras
             if camera is None and len(chosen) == 1:
                 camera = next(iter(chosen))

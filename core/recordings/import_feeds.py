@@ -207,6 +207,7 @@ def open_feeds(order: ImportOrder) -> list[Feed]:
         )
     offsets_us = _offsets_us(order.offset_us, [number for number, _ in opened])
     clocks = _clocks(order.clock, len(paths))
+    # Progress by bytes: how many events a file holds is not known before.
     weights = [sum(file.stat().st_size for file in files_of(paths[number])) for number, _ in opened]
     return [
         Feed(

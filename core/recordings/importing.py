@@ -117,6 +117,13 @@ def import_recording(
 
     Time 0 is the first event. The clock of each camera is kept: its own time is the recording's plus its `t_offset`.
 
+    Args:
+        order: sources and how they are read.
+        destination: the recording to write.
+        overwrite: whether a file there may be replaced.
+        progress: gets the share that is done.
+        cancelled: is asked between parts.
+
     Raises:
         RecordingError: if a source cannot be read at all, or the recording cannot be written.
     """
@@ -145,6 +152,12 @@ def check_import(
 
     After `longest_s` seconds of reading events the rest is left unread, and the facts say so.
 
+    Args:
+        order: sources and how they are read.
+        longest_s: how long events are read; None: all.
+        progress: gets the share that is done.
+        cancelled: is asked between parts.
+
     Raises:
         RecordingError: what the import would raise on reading.
     """
@@ -153,6 +166,7 @@ def check_import(
             return None
         plan = _plan(dataclasses.replace(order, sources=files))
         end_s = None if longest_s is None else time.monotonic() + longest_s
+        # The parts are only counted: the facts come from reading.
         for _ in _parts(plan, lambda: cancelled() or (end_s is not None and time.monotonic() > end_s)):
             progress(plan.share)
         if cancelled():

@@ -47,6 +47,7 @@ def open_recording(
         decoded = Path(folder.name) / "decoded.h5"
         import_recording(ImportOrder([path], sensor=sensor), decoded, progress=progress)
         return FileRecording(decoded, on_close=folder.cleanup)
+    # Ctrl-C, too, leaves no temporary folder.
     except BaseException:
         folder.cleanup()
         raise

@@ -97,6 +97,16 @@ class RecordingWriter:
 
         `time_offsets_us` holds what has to be added to a time of the recording to get the camera's own clock.
 
+        Args:
+            path: the file.
+            cameras: size of each camera's sensor, by name.
+            calibration: lens and pose of some of them.
+            seed: of a simulation.
+            config: what made the recording.
+            time_offsets_us: by camera; its own clock is the recording's plus this.
+            uuid: its identity, to which labels refer; None: a new one.
+            overwrite: whether a file there may be replaced.
+
         Raises:
             RecordingError: if the file exists and `overwrite` is not set, or it cannot be made.
         """
@@ -108,6 +118,7 @@ class RecordingWriter:
         self._row_counts: dict[str, int] = {}
         self._duration_us = 0
         self._file = GrowingFile(self.path, overwrite=overwrite)
+        # Threads do: zlib lets go of the interpreter's lock.
         self._packers = ThreadPoolExecutor(_PACKERS, thread_name_prefix="pack")
         self._pending: deque[tuple[dict[str, Json], Future[list[bytes]]]] = deque()
         self.failed = False
@@ -148,6 +159,7 @@ class RecordingWriter:
             raise RecordingError("time stamp out of range", expected="under 24 hours", got=f"{last_us} us", where=where)
         buffer.last_us = last_us
         buffer.index.extend(events.t_us)
+        # The end is exclusive: the last event lies in the recording.
         self._duration_us = max(self._duration_us, last_us + 1)
         done = 0
         while done < len(events):
@@ -193,7 +205,14 @@ class RecordingWriter:
         self.append_rows(layout.BALL_GROUP, layout.ball_rows(ball))
 
     def write_frames(self, camera: str, t_us: NDArray, exposure_us: NDArray, images: NDArray[np.uint8]) -> None:
-        """Add pictures (N, height, width) or (N, height, width, 3 = RGB) of one camera, `t_us` at mid exposure."""
+        """Add pictures (N, height, width) or (N, height, width, 3 = RGB) of one camera, `t_us` at mid exposure.
+
+        Args:
+            camera: its name.
+            t_us: (N,) middle of each exposure.
+            exposure_us: (N,) lengths.
+            images: (N, height, width) or (N, height, width, 3), RGB.
+        """
         self._buffer(camera)
         rows = {"t_us": t_us.astype(np.int64), "exposure_us": exposure_us.astype(np.int64), "image": images}
         self.append_rows(layout.frames_group(camera), rows)

@@ -69,6 +69,7 @@ def measure_robot(
     aside = _aside(_limits(robot), base)
     for _ in range(TRIES * steps):
         start = _rest(robot, refuse)
+        # To the farther of the two, wherever the racket came to rest.
         goal = max(base, base + aside, key=lambda p: float(np.linalg.norm(p - start)))
         step = _step(robot, refuse, start, goal)
         never_there += math.isnan(step.late_s)

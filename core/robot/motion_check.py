@@ -68,7 +68,15 @@ def find_fault(
     now: FaceMotion,
     limits: RobotLimits,
 ) -> MotionFault | None:
-    """Fault of reaching `goal` in `lead_us`; None if there is none."""
+    """Fault of reaching `goal` in `lead_us`; None if there is none.
+
+    Args:
+        goal: pose and velocity of the face at the impact.
+        turn_radps: (3,) turn rate there; None: not given.
+        lead_us: time until the impact.
+        now: the face now.
+        limits: of the robot.
+    """
     if not goal.finite or (turn_radps is not None and not np.isfinite(turn_radps).all()):
         return MotionFault("bounds", "a number of the target is not finite")
     if not now.finite:
@@ -114,6 +122,7 @@ def _way_fault(goal: FaceMotion, lead_us: int, now: FaceMotion, limits: RobotLim
         )
         return MotionFault("unreachable", detail)
     at_start, at_end = cubic_accelerations(goal, left_s, now)
+    # The acceleration of a cubic is linear in time: it is largest at an end.
     hardest = max(float(np.linalg.norm(at_start)), float(np.linalg.norm(at_end)))
     if not hardest <= limits.max_acceleration_mps2 * (1 + ROUNDING):
         detail = (

@@ -66,6 +66,7 @@ class RobotClient:
         self._pinged_us = self._greeted_us = -1e18
         self._pings: dict[int, float] = {}
         self._context = zmq.Context()
+        # A ZMQ socket belongs to one thread: orders of the others come to it through this pair.
         self._orders, self._ordered = self._context.socket(zmq.PAIR), self._context.socket(zmq.PAIR)
         self._ordered.bind("inproc://orders")
         self._orders.connect("inproc://orders")
@@ -102,6 +103,13 @@ class RobotClient:
 
         The only way by which a target leaves. It does not if the robot is not ready, or if anything about it is
         outside of the robot's limits.
+
+        Args:
+            p_m: (3,) middle of the face, world.
+            q_wxyz: (4,) orientation, world.
+            v_mps: (3,) velocity, world.
+            impact_us: when, on this machine's clock.
+            turn_radps: (3,) turn rate, rad/s, world.
 
         Raises:
             TargetRefusedError: if it did not leave, or the robot did not take it.
@@ -185,6 +193,7 @@ class RobotClient:
             sent_us, hit_us = clock.robot_us(now_us), clock.robot_us(impact_us)
         except (ValueError, TypeError, OverflowError) as error:
             raise self.reject_locally("bounds", f"not a target: {error}") from error
+        # Where the racket is now, not when its last state was sent.
         age_s = max(0, sent_us - state.t_us) * 1e-6
         now = FaceMotion.of(state.p_m, state.q_wxyz, state.v_mps).after(age_s)
         fault = find_fault(goal, turn_radps, hit_us - sent_us, now, welcome.limits)
@@ -303,6 +312,7 @@ class RobotClient:
                 return
             self._pinged_us, clock = now_us, watch.clock.estimate
             number = self._next()
+            # A robot that does not answer must not fill the memory.
             if len(self._pings) > 100:
                 self._pings.clear()
             self._pings[number] = now_us

@@ -63,6 +63,7 @@ class RobotServer:
         """
         host, port = split_address(address)
         check_reach(host, keys)
+        # Through the message's own checks: limits that a client would refuse are refused here.
         self.limits: RobotLimits = read_fields(RobotLimits, write_fields(limits), "limits")
         self.now_us = clock_us
         """Clock of all times, us."""

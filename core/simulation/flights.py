@@ -229,6 +229,12 @@ def draw_serve(
     `physics` is that of the paper unless told otherwise; the same seed launches alike in both, as long as no draw is
     refused.
 
+    Args:
+        config: speed, height, elevation and how they spread.
+        start_s: time of the launch.
+        rng: source of random numbers.
+        physics: None: the paper's.
+
     Raises:
         ConfigError: if the config allows no such serve (1,000 draws failed).
     """
@@ -242,6 +248,12 @@ def draw_serve(
 
 def serve_flight(launch: Serves, start_s: float, physics: PhysicsConfig, *, exit_x_m: float = -2.3) -> BallPath:
     """The flight of one launch (arrays of one row) to `exit_x_m` or the floor, bouncing wherever it meets the table.
+
+    Args:
+        launch: one launch.
+        start_s: its time.
+        physics: of the flight.
+        exit_x_m: where the flight ends.
 
     Raises:
         ConfigError: if there is not exactly one launch.

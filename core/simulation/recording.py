@@ -74,6 +74,21 @@ def simulate_recording(
     nothing in the events. The cameras work in `threads` threads, one each unless told otherwise. `remarks` join the
     config in the recording.
 
+    Args:
+        path: the file.
+        config: scene and sensor.
+        cameras: lens and pose, by name.
+        serves: launches, one after the other.
+        seed: of launches and noise.
+        physics: None: the paper's.
+        frames: pictures that are taken too.
+        threads: of the cameras.
+        uuid: identity of the recording; None: a new one.
+        remarks: added to its config.
+        overwrite: whether a file there may be replaced.
+        progress: gets the share that is done.
+        cancelled: is asked after every chunk.
+
     Raises:
         RecordingError: if the file exists and `overwrite` is not set, or it cannot be written.
         ConfigError: if there is no such serve.
@@ -105,6 +120,7 @@ def simulate_recording(
             end_us, readout = chunk.end_us, chunk.readout
             pictures += write_frames(writer, track, end_us, flights)
             progress(min(1.0, end_us / wanted_us))
+        # Only now: a recording that was cancelled has truth as far as it has events.
         times_us = truth_times(flights, 0, end_us)
         writer.write_ball(ball_truth(flights, times_us))
         truths = 0

@@ -51,6 +51,13 @@ def pixel_truth(
     Visible means: the whole ball is out of its launcher, its centre is on the sensor, and neither the table nor the
     tape of the net, nor one of the `bodies`, nor the robot's `racket` is in front of the centre. The mesh of the net
     hides nothing.
+
+    Args:
+        camera: lens, pose and sensor.
+        path: the ball's flights.
+        t_us: (N,) times, ascending.
+        bodies: what may hide the ball.
+        racket: what may hide it.
     """
     return pixel_truths({"": camera}, path, t_us, bodies, racket)[""]
 
@@ -62,7 +69,15 @@ def pixel_truths(
     bodies: MovingBodies | None = None,
     racket: RacketPath | None = None,
 ) -> dict[str, PixelTruth]:
-    """`pixel_truth` for each of several cameras."""
+    """`pixel_truth` for each of several cameras.
+
+    Args:
+        cameras: by name.
+        path: the ball's flights.
+        t_us: (N,) times, ascending.
+        bodies: what may hide the ball.
+        racket: what may hide it.
+    """
     t = np.atleast_1d(np.asarray(t_us, np.int64))
     t_s = np.asarray(t * 1e-6, np.float64)
     states = path.at(t_s)
@@ -80,6 +95,7 @@ def pixel_truths(
         circles = ball_circles_at(camera, states.p_world_m)
         width, height = camera.sensor.width_px, camera.sensor.height_px
         with np.errstate(invalid="ignore"):
+            # Pixel 0 reaches from -0.5 to 0.5: its address is its centre.
             on_sensor = (np.abs(circles.u_px - (width - 1) / 2) <= width / 2) & (
                 np.abs(circles.v_px - (height - 1) / 2) <= height / 2
             )

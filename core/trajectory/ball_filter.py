@@ -62,7 +62,16 @@ class BounceQuestion:
     def __init__(
         self, t_us: int, x: Array, cov: Array, contact: TableTouch, process_noise: ProcessNoise, guard_s: float
     ) -> None:
-        """`x` and `cov`: the estimate at `t_us`, which is the last one before it."""
+        """Begin with the last estimate before the bounce.
+
+        Args:
+            t_us: time of the estimate.
+            x: (14,) estimate.
+            cov: (14, 14) its covariance.
+            contact: when and where it touches the table.
+            process_noise: of air and bounce.
+            guard_s: time around the bounce, beside that of its uncertainty, in which points are not compared.
+        """
         self._process_noise = process_noise
         self._t_us = t_us
         self.past = x, cov
@@ -137,6 +146,7 @@ def _log_odds_of_table(x: Array, cov: Array) -> float:
 
 
 FIRST_VELOCITY_MPS: Final = (-4.0, 0.0, 0.0)
+# Wide enough for play as well: strokes of persons have 5 / 9 / 20 m/s (5 / 50 / 95 % of a public match).
 FIRST_SIGMA_MPS: Final = 10.0
 SETTLED: Final = 4
 """Points from which the velocity is known well enough to predict a bounce."""
@@ -152,11 +162,21 @@ class BallFilter:
     def __init__(
         self, config: FilterConfig, t_us: int, p: Array, noise_m2: Array, *, needs_tick: bool, odds: float
     ) -> None:
-        """Begin with a point and its covariance; `odds`: of this kind of flight before anything is seen."""
+        """Begin with a point and its covariance; `odds`: of this kind of flight before anything is seen.
+
+        Args:
+            config: constants with their spreads.
+            t_us: time of the first point.
+            p: (3,) its position, m, world.
+            noise_m2: (3, 3) its covariance.
+            needs_tick: whether this flight has the larger process noise.
+            odds: of this kind of flight before anything is seen.
+        """
         c = self._config = config
         air, bounce = (c.restless_air, c.restless_bounce_mps) if needs_tick else (c.air_noise, c.bounce_noise_mps)
         self.process_noise = ProcessNoise(LIFT * c.magnus, air, bounce, c.ahead_m, c.ahead_s)
         self.state = np.array([*p, *FIRST_VELOCITY_MPS, 0.0, 0.0, 0.0, c.drag, c.restitution, c.friction, 0.0, 0.0])
+        # The place has the first point's own covariance, and may be ahead of the ball like every point.
         sigmas = [0.0] * 3 + [FIRST_SIGMA_MPS] * 3 + [c.spin_sigma_radps] * 3
         constants = [c.drag_sigma, c.restitution_sigma, c.friction_sigma, c.table_sigma_m, c.ahead_m]
         self.covariance = np.diag(np.square([*sigmas, *constants]))

@@ -159,6 +159,7 @@ def touches(states: Array, t_s: float, hit_x_m: float, lift: float, found: Array
             if s[0] >= hit_x_m > after[0] and math.isnan(found[row, 12]):
                 found[row, 12] = t_s + t + _meet(s, hit_x_m, h, lift, there)
                 found[row, 13:22] = there[:9]
+                # Where it is by definition, without the error of the search.
                 found[row, 13] = hit_x_m
             t += h
             if lands:
@@ -172,6 +173,7 @@ def touches(states: Array, t_s: float, hit_x_m: float, lift: float, found: Array
                     bounce(after)
                     bounced += 1
                 else:
+                    # Just below the plane, or the next step would find the same landing again.
                     after[2] = top - 1e-12
             s[:] = after
             if not math.isnan(found[row, 12]) and not math.isnan(found[row, 8]):

@@ -175,6 +175,7 @@ def predict_arrivals(
         tangential_factor: share of the horizontal speed.
     """
     n = len(t_s)
+    # A second bounce on one half ends the rally: there is no stroke after it.
     flights = continue_flights(
         fit_arcs(t_s, ps_m, observed), np.full(n, restitution), np.full(n, tangential_factor), max_bounces=1
     )

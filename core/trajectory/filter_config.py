@@ -165,6 +165,13 @@ def with_fitted_constants(
     """The config that begins with constants fitted to other balls, and goes on learning them from each ball.
 
     One ball differs from the mean of a fit by more than the fit's spread (`drag_scatter` and its like come on top).
+
+    Args:
+        config: everything else.
+        drag: drag coefficient.
+        restitution: of the table.
+        friction: of the table.
+        magnus: Magnus coefficient, taken as exact.
     """
     return dataclasses.replace(
         config,

@@ -141,6 +141,7 @@ def bounce_estimate(x: Array, cov: Array, process_noise: ProcessNoise) -> None:
     bounce(after)
     D, moved = np.eye(STATE), np.empty(STATE)
     for k in range(3, HIGHER):
+        # Finite differences: spin is in hundreds of rad/s, the others near 1. The place is not changed by a bounce.
         eps = 1e-4 if SPIN <= k < DRAG else 1e-6
         moved[:] = before
         moved[k] += eps
@@ -271,5 +272,6 @@ def foresee(x: Array, cov: Array, t_s: float, hit_x_m: float, lift: float, rows:
                 down, share = middle, 1.0
             change = share * (up - down)
             moves[k, j] = 0.0 if math.isnan(change) else change
+    # The neighbours are one standard deviation away along independent directions, so the squares add.
     spread[:] = moves.T @ moves
     return found[0].copy()

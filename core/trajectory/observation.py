@@ -40,7 +40,15 @@ class PointObservation:
     gate: float = GATE
 
     def update(self, x: Array, cov: Array, scales: Array, tally: Array, lift: float) -> Innovation:
-        """Update the estimate (14,) and its covariance (14, 14) in place, unless the position is beyond the gate."""
+        """Update the estimate (14,) and its covariance (14, 14) in place, unless the position is beyond the gate.
+
+        Args:
+            x: (14,) estimate, changed in place.
+            cov: (14, 14) its covariance, changed in place.
+            scales: scales of the noise, learned along the way.
+            tally: (2, 3) sums for them, changed in place.
+            lift: not used.
+        """
         return Innovation(*observe(x, cov, self.p_world_m, self.noise_m2, scales, self.gate, tally))
 
 
@@ -62,6 +70,13 @@ class PixelObservation:
         """Update the estimate (14,) and its covariance (14, 14) in place, unless the pixel is beyond the gate.
 
         The scales of the positions' noise stay as they are.
+
+        Args:
+            x: (14,) estimate, changed in place.
+            cov: (14, 14) its covariance, changed in place.
+            scales: not used.
+            tally: not used.
+            lift: acceleration per spin and velocity across it.
         """
         found = observe_pixel(x, cov, self.uv_px, self.noise_px2, self.camera, self.late_s, lift, self.gate)
         return Innovation(*found)
@@ -105,6 +120,7 @@ def observe_pixel(
     for row in range(2):
         for k in range(3):
             H[row, k] = slopes[row, k]
+            # The ball was at p - late v when the late camera saw it.
             H[row, 3 + k] = -late_s * slopes[row, k]
             H[row, AHEAD] += slopes[row, k] * along[k]
     for i in range(STATE):
@@ -128,6 +144,7 @@ def observe_pixel(
         gain_u = (c * PH[i, 0] - b * PH[i, 1]) / determinant
         gain_v = (a * PH[i, 1] - b * PH[i, 0]) / determinant
         x[i] += PH[i, 0] * pulled_u + PH[i, 1] * pulled_v
+        # Half of it, mirrored: rounding cannot make the covariance asymmetric.
         for j in range(i + 1):
             cov[i, j] -= gain_u * PH[j, 0] + gain_v * PH[j, 1]
             cov[j, i] = cov[i, j]

@@ -112,6 +112,7 @@ class PaperPredictor:
         prediction = None
         for seen_us, seen in self._recent:
             prediction = self._observe(seen_us, seen, t_us) or prediction
+        # Kept for the check that points come in order.
         if not self._recent:
             self._recent = [(t_us, p)]
         return prediction

@@ -60,6 +60,7 @@ def evaluating(objective: Objective, engine: JobBackend, most: int, cancelled: C
 
         try:
             yield evaluate
+        # The recording that this process kept open for its own share of the work.
         finally:
             _KEPT.close()
 

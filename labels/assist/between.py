@@ -53,6 +53,14 @@ def labels_between(
     `others` are the labels of other cameras, `cameras` the calibrations of the own and of those, in this order; with
     two or more a flight is fitted to all cameras' labels.
     Nothing is interpolated across `breaks_us`, bounces and hits.
+
+    Args:
+        keys: labels of the own camera.
+        others: labels of the other cameras.
+        cameras: calibrations, the own first.
+        times_us: (N,) unlabelled times, ascending.
+        t_us: time that says which segment.
+        breaks_us: bounces and hits.
     """
     if not len(times_us):
         return ()

@@ -26,6 +26,12 @@ def next_blind(
 
     `recent_us` are the times that the annotator worked on last; the latest `MIN_BETWEEN` of them are not asked yet.
     Labels that say there is no ball are asked for too: states have noise as well.
+
+    Args:
+        first: the annotator's labels.
+        second: the blind layer.
+        share: of the labels that are asked for again, 0 to 1.
+        recent_us: times that were worked on last, the newest at the end.
     """
     skip = set(recent_us[-MIN_BETWEEN:])
     waiting = [

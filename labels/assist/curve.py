@@ -80,6 +80,7 @@ def interpolate(
         values = np.column_stack([part.x_px, part.y_px])
         place, spread = _local_fit(part.t_us, values, times[inside], config)
         x[inside], y[inside], sigma[inside] = place[:, 0], place[:, 1], spread
+        # Labels of points have no radius; between those that have one it changes slowly.
         known = np.isfinite(part.r_px)
         if known.any():
             r[inside] = np.interp(times[inside], part.t_us[known], part.r_px[known])

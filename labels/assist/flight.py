@@ -195,7 +195,14 @@ def _accelerate(v, values, gravity, out):
 
 
 def curve_of_flight(flight: FittedFlight, camera: Camera, t_us: ArrayLike, *, keyframe_sigma_px: float = 0.5) -> Curve:
-    """What a flight looks like in one camera, in the form of an interpolation: nothing beyond its ends."""
+    """What a flight looks like in one camera, in the form of an interpolation: nothing beyond its ends.
+
+    Args:
+        flight: fitted to several cameras.
+        camera: the one in which it is drawn.
+        t_us: (N,) times.
+        keyframe_sigma_px: standard deviation of a label.
+    """
     times = np.atleast_1d(np.asarray(t_us, np.int64))
     inside = (flight.start_us <= times) & (times <= flight.end_us)
     columns = np.full((len(times), 3), np.nan)

@@ -90,6 +90,7 @@ def find_label_shift(
     if fit is None:
         return _nothing("the labels' path and the answers do not fit each other")
     beside = looks[best][2]
+    # A path that repeats itself, or a straight even one, fits at several shifts.
     rival = counts[np.abs(steps - fit.dt_us) > RIVAL_US].max(initial=0)
     share, other = fit.answers / max(1, beside), rival / max(1, beside)
     reason = ""

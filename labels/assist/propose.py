@@ -30,6 +30,12 @@ def residual_of_neighbours(t_us: NDArray[np.int64], x_px: Array, y_px: Array, *,
     """(N,) pixels from the median of what parabolas through triples of neighbours predict; nan with too few of them.
 
     A median of many predictions holds while less than about a third of the neighbours are wrong.
+
+    Args:
+        t_us: (N,) times, ascending.
+        x_px: (N,) columns.
+        y_px: (N,) rows.
+        max_gap_us: a neighbour farther away does not count.
     """
     count = len(t_us)
     places = np.column_stack([x_px, y_px])
@@ -64,6 +70,13 @@ def residual_of_one_side(t_us: NDArray[np.int64], x_px: Array, y_px: Array, row:
     """Distance of a position from the path before it or that behind it, whichever is nearer, px; nan without either.
 
     At a bounce or a hit a position fits one of them; one that is wrong fits neither.
+
+    Args:
+        t_us: (N,) times, ascending.
+        x_px: (N,) columns.
+        y_px: (N,) rows.
+        row: which position.
+        max_gap_us: largest mean distance of neighbours.
     """
     places, found = np.column_stack([x_px, y_px]), [float("nan")]
     for rows in (np.arange(max(row - SIDE, 0), row), np.arange(row + 1, min(row + 1 + SIDE, len(t_us)))):
@@ -130,7 +143,17 @@ def propose(
     snap_config: SnapConfig | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Proposals:
-    """What the detector finds in [start_us, end_us), snapped; of a ball whose motion is known at the windows' ends."""
+    """What the detector finds in [start_us, end_us), snapped; of a ball whose motion is known at the windows' ends.
+
+    Args:
+        stream: the camera.
+        start_us: begin of the search.
+        end_us: its end.
+        method: name of the detector.
+        config: its settings.
+        snap_config: how a detection is fitted to the events.
+        progress: gets the share that is done.
+    """
     config, snap_config = method_config(method, config), snap_config or SnapConfig()
     window_us = config.window.window_us
     detector = make_detector(method, stream.sensor, config)
@@ -145,6 +168,7 @@ def propose(
             previous = None
             continue
         found = _at(window.end_us, found)
+        # A millisecond more than it looks at: an event just outside tells that a pixel's first one is not its first.
         reach = snap_config.reach_us + 1000
         near = stream.slice(max(found.t_us - reach, 0), found.t_us + reach)
         fitted = snap(near, found.t_us, found.u_px, found.v_px, v_px_per_ms=previous, config=snap_config)
@@ -229,6 +253,12 @@ def steady_segment(
     """Rows around `t_us` that can be accepted at once: an unbroken run of windows in which every proposal was snapped,
     agrees with its neighbours within `tolerance_px`, and with the other camera's where `stereo_residual_px` (N,) is
     known. Empty if the proposal at `t_us` itself does not.
+
+    Args:
+        proposals: in order of time.
+        t_us: time inside of the run.
+        tolerance_px: largest distance from what the neighbours predict.
+        stereo_residual_px: (N,) distance from the other camera's; nan: not known.
     """
     if not len(proposals):
         return np.empty(0, np.intp)

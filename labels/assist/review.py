@@ -65,6 +65,14 @@ def review_queue(
 
     `stereo_residual_px` (N,) is that of each label with the other camera's, nan where there is none; `frames_us` are
     all times that are to be labelled: unchecked ones between checked ones are queued as gaps.
+
+    Args:
+        labels: of one camera.
+        proposals: of a detector, for the same camera.
+        stereo_residual_px: (N,) of each label.
+        frames_us: (F,) all times that are to be labelled.
+        rejected_us: times of proposals that a person refused.
+        config: weights and limits.
     """
     config = config or QueueConfig()
     items: dict[int, QueueItem] = {}
@@ -79,6 +87,7 @@ def review_queue(
     if proposals is not None:
         _from_detector(labels, proposals, config, note)
         _from_unjudged(labels, proposals, np.asarray(rejected_us, np.int64), config, note)
+    # Scores are in standard deviations, so that the sources below compare.
     contradicted: frozenset[int] = frozenset()
     if stereo_residual_px is not None:
         scores = np.nan_to_num(stereo_residual_px / config.sigma_px)

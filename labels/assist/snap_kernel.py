@@ -57,6 +57,7 @@ def edge_points(
     cx, cy, vx, vy, r = values
     first[:] = -1
     last[:] = -1
+    # Read farther than what counts: an earlier event shows that a pixel's first in the window is not its first.
     reach_ms = half_ms + GUARD * half_ms
     for i in range(np.searchsorted(t_ms, -reach_ms), len(t_ms)):
         t = t_ms[i]

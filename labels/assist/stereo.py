@@ -172,6 +172,12 @@ def check_labels(here: Camera, labels: LabelArrays, there: Camera, others: Label
     """How well each label agrees with the other camera's label of its instant, or with the curve through them.
 
     nan where either camera sees no ball, and where the other camera's labels do not reach.
+
+    Args:
+        here: calibration of the camera of `labels`.
+        labels: those that are checked.
+        there: calibration of the other camera.
+        others: its labels.
     """
     uv_here = np.column_stack([labels.x_px, labels.y_px])
     uv_here[~labels.seen] = np.nan

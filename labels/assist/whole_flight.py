@@ -176,8 +176,10 @@ def _seed(views: _Views, anchor: int, t_us: int, config: WholeFlightConfig) -> _
     if len(rows) < config.least:
         return None
     t, p, uv = (own_us[rows] - t_us) * 1e-6, points[rows], uvs[rows]
+    # At least three instants apart: nearer ones do not determine a velocity.
     i, j = np.triu_indices(len(rows), 3)
     took = (t[j] - t[i])[:, None]
+    # The parabola through both places.
     v = (p[j] - p[i]) / took - 0.5 * GRAVITY * took
     since = (t[None, :] - t[i][:, None])[..., None]
     flown = p[i][:, None] + v[:, None] * since + 0.5 * GRAVITY * since**2

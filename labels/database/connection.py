@@ -4,105 +4,26 @@ from __future__ import annotations
 
 import contextlib
 import os
-import re
 import sqlite3
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 from urllib.parse import quote
 
 from core.errors import LabelError
 from core.files import sync
+from labels.database.file_system import is_shared, refuse_unsafe_folder, refuse_whole_files
 from labels.database.folder import FILE
 from labels.database.schema import check_schema, create_tables, is_empty, recording_of
-
-MOUNTS: Final = Path("/proc/mounts")
-# fmt: off
-NETWORK: Final = frozenset((
-    "nfs", "nfs4", "cifs", "smb", "smb2", "smb3", "smbfs", "smbnetfs", "ncpfs", "9p", "afs", "ceph",
-    "glusterfs", "lustre", "gpfs", "davfs", "davfs2", "sshfs", "s3fs", "rclone", "curlftpfs", "gcsfuse",
-    "beegfs", "ocfs2", "gfs2",
-))
-# fmt: on
-"""Types of file systems, without the `fuse.` in front of those that a program serves."""
-_OCTAL = re.compile(r"\\([0-7]{3})")
-
-
-class Mount(NamedTuple):
-    """A row of `/proc/mounts`."""
-
-    source: str
-    kind: str
-    """Type of the file system."""
-    options: str
-
-    @property
-    def is_network(self) -> bool:
-        """Whether other machines may write to it."""
-        return self.kind.removeprefix("fuse.") in NETWORK
-
-    @property
-    def is_windows_disk(self) -> bool:
-        """Whether it is a disk of Windows, as a Linux within Windows (WSL) sees it: by 9p, virtiofs or its own type."""
-        served = any(option.startswith("aname=drvfs") for option in self.options.split(","))
-        return served or "drvfs" in (self.kind, self.source)
-
-
-def refuse_network_drive(path: Path, mounts: str | None = None) -> None:
-    """Do nothing for a path on a disk of this system. `mounts` is the text of `/proc/mounts`; None: read it.
-
-    Raises:
-        LabelError: if it is on a network drive, or on a disk of Windows seen from WSL.
-    """
-    mount = mount_of(path, _read_mounts() if mounts is None else mounts)
-    if mount is not None and mount.is_windows_disk:
-        # no other machine writes there, but SQLite's log needs memory and locks that all programs of a file share
-        raise LabelError(
-            "labels cannot be kept on a disk of Windows from within WSL: programs of Windows see no locks of it",
-            expected="a folder of the Linux system",
-            got=mount.kind,
-            where=path,
-            remedy="give --data a folder in your Linux home; Windows shows it under \\\\wsl.localhost",
-        )
-    if mount is not None and mount.is_network:
-        raise LabelError(
-            "labels cannot be kept on a network drive: two machines that write would damage them",
-            expected="a disk of this machine",
-            got=mount.kind,
-            where=path,
-            remedy="choose a folder with --data, and copy the finished file",
-        )
-
-
-def mount_of(path: Path, mounts: str) -> Mount | None:
-    """The row of `/proc/mounts` that a path, which need not exist, lies on; None if there is none."""
-    parts = path.resolve().parts
-    best, depth = None, -1
-    for line in mounts.splitlines():
-        fields = line.split(" ")
-        if len(fields) < 3:
-            continue
-        point = Path(_OCTAL.sub(lambda match: chr(int(match[1], 8)), fields[1])).parts
-        if parts[: len(point)] == point and len(point) >= depth:  # of two on one place, the later one is seen
-            best, depth = Mount(fields[0], fields[2], "".join(fields[3:4])), len(point)
-    return best
-
-
-def _read_mounts() -> str:
-    try:
-        return MOUNTS.read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return ""
-
+from labels.database.snapshot import distrust, is_write_ahead, open_snapshot
+from labels.database.write_lease import WriteLease, borrow_lease, lease_path, return_lease
 
 WAITS_S: Final = 20.0
 """For others who write; each of them takes some milliseconds."""
 CHECKPOINT_PAGES: Final = 1000
 """So long the log grows before it is worked into the file: some 4 MB."""
-LONGEST_VALUE: Final = 1_000_000
-"""Bytes; a longer text in a file is no label's."""
 
 
 class DamagedStoreError(LabelError):
@@ -112,23 +33,28 @@ class DamagedStoreError(LabelError):
 def open_to_write(path: Path, recording_uuid: str) -> sqlite3.Connection:
     """A connection that writes, made durable by each commit; the file is made if there is none.
 
+    On a disk of this machine any number of programs may have one. In a shared folder one program at a time has, for as
+    long as it holds the lease: a write-ahead log needs memory that all programs of a file share.
+
     Raises:
-        LabelError: if it cannot be written, is damaged, or is not the store of this recording.
+        LabelError: if it cannot be written, is damaged, is not the store of this recording, or another program writes
+            it in a shared folder.
     """
-    refuse_network_drive(path)
+    refuse_whole_files(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise _not_writable(path, error.strerror) from error
-    with sqlite_errors(path, "cannot write labels here"):
-        db = _connect(path, "rwc")
+    shared = is_shared(path)
+    # on a disk of this machine there is a lease while another machine, for which the folder is shared, writes
+    db = _connect_as_only_writer(path) if shared or lease_path(path).exists() else _connect_to_write(path)
     try:
         with sqlite_errors(path, "cannot write labels here"):
-            _log_ahead(db)
             db.execute("PRAGMA synchronous = FULL")
             db.execute("PRAGMA foreign_keys = ON")
             db.execute(f"PRAGMA wal_autocheckpoint = {CHECKPOINT_PAGES}")
             _create_if_empty(db, path, recording_uuid)
+            # Before anything of the file is run: a schema can hold triggers of a stranger.
             check_schema(db, path)
             _check_recording(db, path, recording_uuid)
     except BaseException:
@@ -137,15 +63,90 @@ def open_to_write(path: Path, recording_uuid: str) -> sqlite3.Connection:
     return db
 
 
-def open_to_read(path: Path, *, untouched: bool = False) -> sqlite3.Connection:
+def _connect_to_write(path: Path) -> sqlite3.Connection:
+    with sqlite_errors(path, "cannot write labels here"):
+        db = _connect(path, "rwc")
+        try:
+            _set_journal(db, "WAL")
+        except BaseException:
+            db.close()
+            raise
+    return db
+
+
+def _connect_as_only_writer(path: Path) -> sqlite3.Connection:
+    refuse_unsafe_folder(path.parent)
+    lease = borrow_lease(path)
+    try:
+        _refuse_open_log(path)
+        with sqlite_errors(path, "cannot write labels here"):
+            db = _connect(path, "rwc", LeasedConnection)
+    except BaseException:
+        return_lease(path)
+        raise
+    assert isinstance(db, LeasedConnection)
+    db.lease, db.store = lease, path
+    try:
+        with sqlite_errors(path, "cannot write labels here"):
+            if is_write_ahead(path):
+                db.execute("PRAGMA locking_mode = EXCLUSIVE")  # a log is then read without shared memory
+            # the journal stays as an empty file: who opens it sees its length, while the absence of a name may be old
+            _set_journal(db, "TRUNCATE")
+            db.execute("PRAGMA locking_mode = NORMAL")
+            db.execute("SELECT count(*) FROM sqlite_schema").fetchone()  # lets go of the lock
+    except BaseException:
+        db.close()
+        raise
+    return db
+
+
+class LeasedConnection(sqlite3.Connection):
+    """Writes a store in a shared folder while this program holds its lease."""
+
+    lease: WriteLease | None = None
+    store: Path
+
+    def close(self) -> None:
+        """Close the file, then let other programs write."""
+        super().close()
+        if self.lease is None:
+            return
+        self.lease = None
+        return_lease(self.store, self._remove_empty_journal)
+
+    def _remove_empty_journal(self) -> None:
+        journal = self.store.with_name(f"{self.store.name}-journal")
+        with contextlib.suppress(OSError):
+            if not journal.stat().st_size:
+                journal.unlink()
+
+
+def _refuse_open_log(path: Path) -> None:
+    """A file of shared memory is there while a program of the machine that has the disk writes; no lock shows that."""
+    memory = path.with_name(f"{path.name}-shm")
+    if memory.exists():
+        raise LabelError(
+            "these labels are open on the machine that has this disk",
+            expected="no other program that writes them",
+            got=memory.name,
+            where=path,
+            remedy="close them there; after a crash start Rallyscope there once, or delete the -shm file (never -wal)",
+        )
+
+
+def open_to_read(path: Path, *, untouched: bool = False, own: bool = False) -> sqlite3.Connection:
     """A connection that writes nothing: others may write meanwhile, the disk may be read-only.
 
-    `untouched`: a file that no program has open is read as it is, without a log being made beside it.
+    Of a store in a shared folder it reads a copy in memory (`Snapshot`), since locks may not reach other machines.
+    `untouched`: a file that no program has open is read as it is, without a log being made beside it. `own`: this
+    program has it open for writing, so no other writes.
 
     Raises:
         LabelError: if there is no store, it cannot be read, or it is damaged.
     """
-    refuse_network_drive(path)
+    if not own and path.is_file() and (is_shared(path) or lease_path(path).exists()):
+        with sqlite_errors(path, "cannot read the labels"):
+            return _checked(open_snapshot(path), path)
     log = path.with_name(f"{path.name}-wal")
     with sqlite_errors(path, "cannot read the labels"):
         if untouched and path.is_file() and not log.exists():
@@ -167,8 +168,11 @@ def work_in_log(db: sqlite3.Connection) -> None:
 def work_in_logs(folder: Path) -> None:
     """Copy the logs that killed programs have left beside the stores of a folder into the stores.
 
-    A store that cannot be opened stays as it is: whoever reads it is told why.
+    In a shared folder nothing is done: the next writer does it, once it holds the lease. A store that cannot be opened
+    stays as it is: whoever reads it is told why.
     """
+    if is_shared(folder):
+        return
     for log in sorted(folder.glob(f"*/{FILE}-wal")):
         with contextlib.suppress(sqlite3.Error, OSError):
             if log.stat().st_size:
@@ -178,10 +182,21 @@ def work_in_logs(folder: Path) -> None:
 
 @contextmanager
 def transaction(db: sqlite3.Connection) -> Iterator[None]:
-    """All of the block or nothing; the end of it waits until it is on the disk."""
+    """All of the block or nothing; the end of it waits until it is on the disk.
+
+    Raises:
+        LabelError: if another program writes the store in a shared folder now.
+    """
+    lease = db.lease if isinstance(db, LeasedConnection) else None
+    if lease is not None:
+        lease.ensure()
     db.execute("BEGIN IMMEDIATE")
     try:
+        if lease is not None:
+            lease.confirm()
         yield
+        if lease is not None:
+            lease.confirm()
         db.execute("COMMIT")
     except BaseException:
         with contextlib.suppress(sqlite3.Error):  # SQLite may have rolled back itself
@@ -211,20 +226,13 @@ def sqlite_errors(path: Path, what: str, remedy: str = "") -> Iterator[None]:
         raise DamagedStoreError("a damaged label store", got=error, where=path, remedy=advice) from error
 
 
-def _connect(path: Path, mode: str) -> sqlite3.Connection:
+def _connect(path: Path, mode: str, factory: type[sqlite3.Connection] = sqlite3.Connection) -> sqlite3.Connection:
     address = f"file:{quote(os.fsencode(path.absolute()))}?mode={mode}"
-    db = sqlite3.connect(address, uri=True, timeout=WAITS_S, isolation_level=None, check_same_thread=False)
+    db = sqlite3.connect(
+        address, uri=True, timeout=WAITS_S, isolation_level=None, check_same_thread=False, factory=factory
+    )
     distrust(db)
     return db
-
-
-def distrust(db: sqlite3.Connection) -> None:
-    """The file may come from anywhere: its schema is not trusted, its pages are checked, nothing is attached."""
-    db.execute("PRAGMA trusted_schema = OFF")
-    db.execute("PRAGMA cell_size_check = ON")
-    db.execute("PRAGMA mmap_size = 0")
-    db.setlimit(sqlite3.SQLITE_LIMIT_ATTACHED, 0)
-    db.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST_VALUE)
 
 
 def _checked(db: sqlite3.Connection, path: Path) -> sqlite3.Connection:
@@ -236,12 +244,12 @@ def _checked(db: sqlite3.Connection, path: Path) -> sqlite3.Connection:
     return db
 
 
-def _log_ahead(db: sqlite3.Connection) -> None:
+def _set_journal(db: sqlite3.Connection, mode: str) -> None:
     """Several that open a new file at once must wait for each other, which SQLite does not do here by itself."""
     until_s = time.monotonic() + WAITS_S
     while True:
         try:
-            db.execute("PRAGMA journal_mode = WAL")
+            db.execute(f"PRAGMA journal_mode = {mode}")
             return
         except sqlite3.OperationalError as error:
             if "locked" not in str(error) or time.monotonic() > until_s:

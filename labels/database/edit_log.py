@@ -114,7 +114,17 @@ def add_edit(
 def add_rejection(
     db: sqlite3.Connection, writer: Writer, t_us: int, x_px: float, y_px: float, r_px: float | None, detector: str
 ) -> None:
-    """A proposal that a person found wrong. It changes no label and is no step of undo."""
+    """A proposal that a person found wrong. It changes no label and is no step of undo.
+
+    Args:
+        db: the store, inside a transaction.
+        writer: layer and session.
+        t_us: time of the proposal.
+        x_px: its column.
+        y_px: its row.
+        r_px: its radius; None: not known.
+        detector: what proposed it.
+    """
     edit = _add_row(db, writer, REJECTED, None)
     db.execute("INSERT INTO rejections VALUES (?, ?, ?, ?, ?, ?)", (edit, t_us, x_px, y_px, r_px, detector))
 

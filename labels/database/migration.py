@@ -84,6 +84,7 @@ def replay(db: sqlite3.Connection, lines: JournalLines, layer: Layer, path: Path
                     edits[record.get("seq")] = history.done[-1]
             case "undo" | "redo" as act:
                 able = history.undone if act == "redo" else history.done
+                # The edit that it undoes was a damaged line: undoing the one before would take back another.
                 if not able or edits.get(record.get("of")) != able[-1]:
                     notes.append(f"{path}: {act} of edit {record.get('of')}, which is damaged; left out")
                     continue

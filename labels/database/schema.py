@@ -128,6 +128,7 @@ def check_schema(db: sqlite3.Connection, path: Path) -> None:
     if version > VERSION:
         expected = f"up to version {VERSION}"
         raise LabelError("labels of another version", expected=expected, got=version, where=path, remedy="update")
+    # What is too much counts as well: a trigger or a view would run with our statements.
     odd = sorted(str(name) for _, name, _, _ in _entries(db) ^ _our_entries())
     if odd:
         raise LabelError(

@@ -221,6 +221,7 @@ def _label_of(entry: JsonObject, t_us: int, factors: tuple[float, float], contex
         if width <= 0 or height <= 0:
             raise LabelError("the box is empty", got=box)
         _compare_area(entry, width * height)
+        # Mean of half the width and half the height: a box of a ball is square but for clicks.
         x, y, radius = left + width / 2, top + height / 2, (width * across + height * down) / 4
         attributes = entry.get("attributes")
         hidden = isinstance(attributes, dict) and attributes.get("occluded") in (True, 1, "true", "True", "1")
@@ -229,6 +230,7 @@ def _label_of(entry: JsonObject, t_us: int, factors: tuple[float, float], contex
         raise LabelError("an annotation with neither a keypoint nor a box")
     if isinstance(own, str):
         state = LabelState(own)
+    # COCO counts from the picture's corner, we from the middle of the first pixel.
     return context.ball(t_us, state, x * across - HALF_PIXEL, y * down - HALF_PIXEL, radius)
 
 

@@ -215,6 +215,7 @@ def _label_of_shape(shape: XmlNode, t_us: int, factors: tuple[float, float], con
         x, y = x / across, y / down
     else:
         raise LabelError(f"<{shape.tag}> is not a ball", expected="points, box, ellipse, polygon, or a tag for a state")
+    # CVAT counts from the picture's corner, we from the middle of the first pixel.
     return context.ball(t_us, state, x * across - HALF_PIXEL, y * down - HALF_PIXEL, radius)
 
 
@@ -247,6 +248,7 @@ def _read_tracks(video: _Video, context: ImportContext, collector: Collector) ->
                     outside += 1
                     continue
                 with collector.entry(file, shape.line):
+                    # CVAT repeats the last keyframe to the end of the video, whether or not the ball is there.
                     if shape.line in held and shape.attributes.get("frame") in held[shape.line]:
                         raise LabelError("not a keyframe, and it only repeats the keyframe before")
                     if context.frame_times_us is not None:

@@ -54,6 +54,7 @@ def read_deeplabcut(
         if likelihood is not None and finite(fields[likelihood], "the likelihood") < LEAST_LIKELIHOOD:
             unlikely += 1
             return None
+        # DeepLabCut counts from the first pixel's middle, but a picture is scaled about its corner.
         place = [(finite(fields[column], "a coordinate") + HALF_PIXEL) for column in (x, y)]
         name = _name_of(fields, names)
         t_us = context.time_of_frame(whole_number(name, "the frame")) if times is None else times.time_of(name)

@@ -166,12 +166,27 @@ class ImportContext:
         y_px: float | None = None,
         r_px: float | None = None,
     ) -> Label:
-        """A label with the provenance of an import."""
+        """A label with the provenance of an import.
+
+        Args:
+            t_us: time in the recording.
+            state: visible, hidden, ...
+            x_px: column, counted from the middle of the first pixel.
+            y_px: row.
+            r_px: radius; None: not known.
+        """
         origin = Provenance(source=PositionSource.IMPORTED, detector=self.origin)
         return Label(t_us=t_us, state=state, x_px=x_px, y_px=y_px, r_px=r_px, provenance=origin)
 
     def ball(self, t_us: int, state: LabelState, x_px: float | None, y_px: float | None, r_px: float | None) -> Label:
         """Like `make`, of another tool's ball: one whose centre or size no picture of this sensor can hold is refused.
+
+        Args:
+            t_us: time in the recording.
+            state: visible, hidden, ...
+            x_px: column, counted from the middle of the first pixel.
+            y_px: row.
+            r_px: radius; None: not known.
 
         Raises:
             LabelError: if it is impossible.

@@ -52,6 +52,7 @@ def read_frame_times(path: Path) -> FrameTimes:
     except csv.Error as error:
         raise LabelError("not a table of frame times", got=error, where=path) from error
     header, rows = ([name.lower() for name in table[0]], table[1:]) if table else ([], [])
+    # Only with a unit: a guess would shift all labels.
     columns = [(at, found[1]) for at, name in enumerate(header) if (found := split_unit(name, _TIME)) and found[1]]
     if len(columns) != 1 or any(len(row) != len(header) for row in rows):
         got = ",".join(header)[:120] or "an empty file"

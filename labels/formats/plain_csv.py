@@ -98,6 +98,7 @@ def read_track(
         else:
             t_us = round(now * UNITS_US[unit])
         x, y = (
+            # A picture is scaled about its corner.
             (finite(place, "a coordinate") + HALF_PIXEL) * factor - HALF_PIXEL
             for place, factor in zip(places, (across, down), strict=True)
         )

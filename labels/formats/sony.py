@@ -58,6 +58,7 @@ def write_sony(labels: LabelSet, folder: Path, options: ExportOptions) -> Export
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path, durable=True) as partial, h5py.File(partial, "w") as file:
+            # The format has positions before and after its smoothing; ours are not smoothed.
             for name, values in (("points", points), ("points_orig", points)):
                 file[name] = values
             for name, values in (("radius", radius), ("radius_orig", radius), ("timestamps", seconds)):

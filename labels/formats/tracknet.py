@@ -67,6 +67,7 @@ def write_tracknet(labels: LabelSet, folder: Path, options: ExportOptions) -> Ex
         assert x is not None and y is not None
         if found and options.whole_pixels:
             losses.append("position rounded to whole pixels")
+            # Halves always up; Python's round goes to the even number, a bias that depends on the pixel.
             x, y = float(np.floor(x + 0.5)), float(np.floor(y + 0.5))
         if found and (x, y) == (0.0, 0.0):
             losses.append("a ball at (0, 0), which TrackNet's evaluation takes for none")

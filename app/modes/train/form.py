@@ -7,7 +7,7 @@ import importlib.util
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import groupby
-from typing import Final, get_args
+from typing import Final
 
 import viser
 
@@ -15,7 +15,8 @@ from app.panels.field_control import add_field_control, section_title
 from app.widgets import when_changed, when_clicked
 from core.config import FieldSpec, config_from_mapping, config_to_mapping, field_specs, get_setting
 from core.errors import ConfigError
-from core.learning.config import AgentName, CurriculumConfig, RunConfig, StateSource, default_run
+from core.learning.config import CurriculumConfig, RunConfig, StateSource, default_run
+from core.learning.registered_agents import AGENTS, AgentName
 
 MAX_STAGES: Final = 10
 MAX_EPISODES: Final = 20_000
@@ -54,9 +55,10 @@ def _landing_model(*speeds_mps: float, episodes: int = 100, source: StateSource 
 
 
 TRAIN_NOW: Final = "Learn to place balls in a minute"
+THE_CURRICULUM: Final = "The paper: 800 balls at 3 m/s, 900 at 5 m/s"
 PRESETS: Final[dict[str, Preset]] = {
     TRAIN_NOW: Preset("first", _landing_model(5.0), "2.5 balls a second"),
-    "The paper: 800 balls at 3 m/s, 900 at 5 m/s": Preset("paper", default_run("ddpg")),
+    THE_CURRICULUM: Preset("paper", default_run("ddpg")),
     "The paper's agent straight at 5 m/s": Preset(
         "scratch", RunConfig(curriculum=CurriculumConfig(speeds_mps=(5.0,), episodes=(1700,)))
     ),
@@ -73,9 +75,8 @@ CUSTOM: Final = "custom"
 
 def offered_agents() -> tuple[AgentName, ...]:
     """Agents that can be trained here; some need stable-baselines3."""
-    ours: tuple[AgentName, ...] = ("ddpg", "landing-model")
     has_sb3 = all(importlib.util.find_spec(name) is not None for name in SB3_NEEDS)
-    return get_args(AgentName) if has_sb3 else ours
+    return tuple(name for name, agent in AGENTS.items() if has_sb3 or not agent.trains_itself)
 
 
 def offered_presets() -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from typing import Final
 
 from app.background.jobs import LatestWins
 from app.modes.mode import Middle, ModeHost
-from app.modes.train.form import PACES, PRESETS, TRAIN_NOW, FormPanel, Preset, startable_run
+from app.modes.train.form import PACES, PRESETS, THE_CURRICULUM, TRAIN_NOW, FormPanel, Preset, startable_run
 from app.modes.train.maps import MapRequest, MapView, MapViewer, map_request
 from app.modes.train.run_panel import LAST_ONES, NEWEST, NOBODY, FilmPanel, RunPanel, confirm_stop
 from app.modes.train.side_panel import SidePanel
@@ -181,7 +181,13 @@ class TrainMode:
 
     def train_now(self) -> None:
         """Start the preset that goes from misses to placed balls."""
-        preset = PRESETS[TRAIN_NOW]
+        self._begin_preset(PRESETS[TRAIN_NOW])
+
+    def train_curriculum(self) -> None:
+        """Start the paper's agent on its two stages."""
+        self._begin_preset(PRESETS[THE_CURRICULUM])
+
+    def _begin_preset(self, preset: Preset) -> None:
         self._host.later(lambda: self._begin(self._trainer.free_name(preset.slug), preset.config, preset.pace))
 
     def _start(self, name: str, config: RunConfig, place: str) -> None:

@@ -32,6 +32,7 @@ class RunActions(Protocol):
     """Actions of this panel; thread-safe."""
 
     def train_now(self) -> None: ...
+    def train_curriculum(self) -> None: ...
     def ask(self, command: RunCommand) -> None: ...
     def ask_to_stop(self) -> None: ...
     def resume(self) -> None: ...
@@ -51,6 +52,12 @@ class RunPanel:
             icon=viser.Icon.PLAYER_PLAY_FILLED,
             color="teal",
             hint="A hundred balls at 5 m/s, slow enough to watch: it learns to place balls in a minute",
+        )
+        self._curriculum = gui.add_button(
+            "Train the curriculum (3, then 5 m/s)",
+            icon=viser.Icon.STAIRS_UP,
+            hint="The paper's agent: 800 slow balls, of which the good ones are kept, then 900 fast ones. Some 10 s "
+            "of computing; Pace slows it down to watch",
         )
         self._status = gui.add_html("")
         self._progress = gui.add_progress_bar(0.0, visible=False)
@@ -73,6 +80,7 @@ class RunPanel:
         self._compared = Listing(gui, "Compare with", actions.compare_with, hint="Curves of other runs beside it")
         self._compared.offer((LAST_ONES, NOBODY))
         when_clicked(self._now, actions.train_now)
+        when_clicked(self._curriculum, actions.train_curriculum)
         when_clicked(self._pause, lambda: actions.ask("pause"))
         when_clicked(self._go_on, lambda: actions.ask("run"))
         when_clicked(self._resume, actions.resume)
@@ -90,7 +98,7 @@ class RunPanel:
         self._runs.offer((NEWEST, *names))
         self._compared.offer((LAST_ONES, NOBODY, *names))
         self._status.content = status_html(run, details, active, view.bounds)
-        self._now.visible = active is None
+        self._now.visible = self._curriculum.visible = active is None
         self._pause.visible = active is not None and active.phase == "running"
         self._go_on.visible = active is not None and active.phase == "paused"
         self._stop.visible = active is not None and active.phase not in ("stopping", "ending")

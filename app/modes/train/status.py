@@ -50,10 +50,19 @@ def status_html(
         rows.append(f"last balls: {_result(details.returned, details.error_mm)}")
         if details.evaluations:
             line = details.evaluations[-1]
-            result = _result(100 * number(line.get("returned")), number(line.get("error_mm")))
-            rows.append(f"policy after {line.get('episode')}: {result}")
+            rows.append(_policy_text(run, line))
     rows += [f"<span style='color:{theme.MUTED}'>{html_text(words)}</span>" for words in bounds]
     return _box("<br>".join(rows))
+
+
+def _policy_text(run: RunState, line: dict[str, object]) -> str:
+    """What the policy of an evaluation is worth; of a finished run, the sentence that sums it up."""
+    returned, error_mm = 100 * number(line.get("returned")), number(line.get("error_mm"))
+    if run.phase != "finished" or not math.isfinite(error_mm):
+        return f"policy after {line.get('episode')}: {_result(returned, error_mm)}"
+    speed = "" if run.config.environment.recorded else f" at {number(line.get('speed_mps')):g} m/s"
+    what = f"it returns {returned:.0f} % of the balls{speed}, {error_mm:.0f} mm from the target"
+    return f"<b>Learned: {what}, after {line.get('episode')} balls.</b>"
 
 
 def plan_text(run: RunState) -> str:

@@ -163,9 +163,12 @@ def body_tracks(
         step = np.diff(track.t_us)[np.diff(track.marker) == 0]
         dense = clean and len(step) > 0 and float(np.median(step)) <= DENSE_US
         left = clean_track(track) if dense else track
-        key, order = track.t_us * 128 + track.marker, np.argsort(track.t_us * 128 + track.marker, kind="stable")
+        # One number for time and marker, by which a sighting's sigma is found again after the cleaning.
+        stride = int(track.marker.max(initial=0)) + 1
+        key = track.t_us * stride + track.marker
+        order = np.argsort(key, kind="stable")
         kept.append(left)
-        weights.append(sigma[order][np.searchsorted(key[order], left.t_us * 128 + left.marker)])
+        weights.append(sigma[order][np.searchsorted(key[order], left.t_us * stride + left.marker)])
     every = np.concatenate([track.t_us for track in kept]) if kept else np.zeros(0)
     middle_us = float(np.median(every)) if len(every) else 0.0
     places_m = np.asarray(body_m, np.float64).reshape(-1, 3)
@@ -236,6 +239,7 @@ def read_points_table(path: Path) -> tuple[dict[str, PointTrack], dict[str, Arra
     tracks, sigmas = {}, {}
     for name, rows in found.items():
         columns = np.array(rows, np.float64)
+        # By marker, and in time within each: the last key is the first that counts.
         columns = columns[np.lexsort((columns[:, 0], columns[:, 4]))]
         tracks[name] = PointTrack.of(columns[:, 0].round(), columns[:, 1:3], columns[:, 4])
         sigmas[name] = columns[:, 3]

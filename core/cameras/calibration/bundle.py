@@ -114,9 +114,15 @@ class BodyFit:
 def adjust_rig(
     tracks: BodyTracks, rig: Rig, t_us: Array, free: Mask, extra: Extra, *, rough_px: float | None = None
 ) -> Adjusted:
-    """The rig with the smallest residuals at common times (G,), outliers left out; `free` (13 C + 1,) may change.
+    """The rig with the smallest residuals at common times, outliers left out.
 
-    `rough_px` is the width of a robust loss that first improves a rig which is only a guess.
+    Args:
+        tracks: what each camera saw of the body, px.
+        rig: where to begin: poses, lenses, clocks.
+        t_us: (G,) common instants.
+        free: (13 C + 1,) which unknowns may change: 13 of each camera, and the lead of a detector.
+        extra: residuals beside the sightings, such as a baseline of 1.
+        rough_px: width of a robust loss for a rig that is only a guess; None: it is good already.
 
     Raises:
         CalibrationError: if less than half of the sightings fit.
@@ -129,6 +135,7 @@ def adjust_rig(
     if rough_px is not None:
         rig = _solve(seen(), rig, every, free, extra, sigma_px=rough_px, loss="cauchy")
     used, sigma_px = _inliers(seen(), rig, every)
+    # Outliers depend on the rig and the rig on them: judged anew among all sightings, until nothing changes.
     for _ in range(2):
         rig = _solve(seen(), rig, used, free, extra, sigma_px=sigma_px, loss="linear")
         before = used
@@ -136,6 +143,7 @@ def adjust_rig(
         if np.array_equal(before, used):
             break
     here, slopes = _residuals_and_jacobian(seen(), rig, used, free, extra, sigma_px)
+    # What may not change is exact: rows of zeros.
     full = np.zeros((free.size, free.size))
     places = np.flatnonzero(free)
     full[np.ix_(places, places)] = blocked_covariance(slopes, here, seen().t_us, used.size * 2)
@@ -357,12 +365,14 @@ def _inliers(samples: Samples, rig: Rig, every: Mask) -> tuple[Mask, float]:
     the point; two cameras that contradict each other are left out both.
     """
     body_m = samples.body_m
+    # Unknowns of a body's pose: a point has no orientation, a wand none about its own axis.
     size = 3 if len(body_m) == 1 else 5 if np.linalg.matrix_rank(body_m, tol=1e-9) < 2 else 6
     used = every.copy()
     fit = _BodyErrors.of(samples, rig, used, size)
     start = int(fit.whole.sum())
     if not start:
         raise CalibrationError("no sighting is left that fits", remedy="check the lenses and the detections")
+    # 1.4826: standard deviation of a normal distribution over the median of its absolute values.
     sigma = 1.4826 * float(np.median(fit.chi[fit.whole]))
     if sigma > WORST_PX:
         raise _misfit(sigma)

@@ -153,6 +153,8 @@ def _common_pull(
         wanted = np.einsum("nij,nj->ni", whiten, ps[rows] - lost).ravel()
         own = np.concatenate([whiten, whiten * t[:, None, None]], axis=2).reshape(-1, 6)
         shared = (whiten * (0.5 * t * t)[:, None, None]).reshape(-1, 3)
+        # Start and velocity of each arc are its own: what they explain is taken out, so the shared unknowns stay
+        # three.
         Q, _ = np.linalg.qr(own)
         shared_left, wanted_left = shared - Q @ (Q.T @ shared), wanted - Q @ (Q.T @ wanted)
         normal += shared_left.T @ shared_left

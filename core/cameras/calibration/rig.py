@@ -90,6 +90,7 @@ def calibrate_rig(
     cameras = [lenses[name] for name in tracks.names]
     rig = guess_rig(tracks, cameras, offsets_us, lambda share: progress(0.5 * share))
     t_us = choose_instants(tracks, rig, config.instants)
+    # What stands still tells nothing about the clocks.
     clocks = config.max_offset_ms > 0 and _moves(tracks, rig, t_us)
     t_us = tracks.spread_instants(t_us) if clocks else t_us
     free = _free(len(cameras), clocks=clocks, lenses=refine_lenses, lead=ball)
@@ -99,6 +100,7 @@ def calibrate_rig(
     corners = {tracks.names.index(name): found for name, found in clicks.items()}
     found = _measure(tracks, adjusted, scale, corners)
     if ball:
+        # How far an outline's centre is off depends on the ball's distance in radii, so on the scale: known only now.
         tracks = _centres_of_balls(tracks, adjusted, found.metres_per_unit)
         adjusted = adjust_rig(tracks, adjusted.rig, t_us, free, unit)
         found = _measure(tracks, adjusted, scale, corners)

@@ -76,6 +76,7 @@ def guess_relative_pose(
         common = np.flatnonzero(np.isfinite(first[:, 0]) & np.isfinite(second[:, 0]))
         most_common = max(most_common, len(common))
         if len(common) >= POINTS_AT_LEAST:
+            # Few points to compare the offsets; the best one gets them all.
             chosen = common[np.linspace(0, len(common) - 1, min(len(common), SEARCH_POINTS)).astype(int)]
             E = _essential(first[chosen], second[chosen], focal_px, SEARCH_ROUNDS)
             score = 0.0 if E is None else _agreement(E, first[chosen], second[chosen], focal_px)
@@ -176,6 +177,12 @@ def guess_rig(
 
     In metres where the body has a size; of a ball in units of the baseline of the pair that shares most.
 
+    Args:
+        tracks: what each camera saw of the body, px.
+        lenses: of the cameras in the same order; their poses are not looked at.
+        offsets_us: (K,) offsets between two clocks that are tried.
+        progress: gets the share that is done.
+
     Raises:
         CalibrationError: if a camera shares too little with the others; it is named, and what to sweep.
     """
@@ -271,6 +278,7 @@ def _edge(tracks: BodyTracks, lenses: Sequence[Camera], a: int, b: int, offsets_
     if len(ratios) < WAND_SIGHTINGS:
         expected = f"{WAND_SIGHTINGS} distances between its markers, each seen by both cameras at one time"
         raise CalibrationError("too little of the wand", expected=expected, got=len(ratios))
+    # Two pictures leave the scale open; the wand's lengths give it. The median: a wrong match does not matter.
     T = make_transform(pose.T_first_second[:3, :3], float(np.median(ratios)) * pose.T_first_second[:3, 3])
     return Edge(T, pose.offset_us, True)
 
@@ -304,6 +312,7 @@ def _scale(
     known = points_of(poses, xys[:, :-1], focals[:-1])
     unit = _points(edge.T_first_second, xys[:, [placed.index(a), -1]], float(focals.mean()))
     ratios = (known[:, 2] / unit[:, 2])[np.isfinite(known[:, 2] * unit[:, 2])]
+    # A point behind the camera is a wrong match.
     ratios = ratios[ratios > 0]
     if len(ratios) < CHAINED_AT_LEAST:
         remedy = "sweep the ball where it and two of the others see it at once, or sweep a wand"

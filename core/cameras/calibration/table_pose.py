@@ -64,6 +64,7 @@ def find_table_pose(name: str, lens: Camera, clicks: Clicks) -> TablePose:
         got = f"{len(clicks.names)} in {name}"
         raise CalibrationError("too few corners of the table", expected=f"{CLICKS_AT_LEAST} or more", got=got)
     ps = clicks.ps_world_m
+    # The second singular value is the spread across the line on which they nearly lie.
     if np.linalg.svd(ps - ps.mean(axis=0), compute_uv=False)[1] / np.sqrt(len(ps)) < NARROWEST_M:
         remedy = "click corners of both sides of the table"
         raise CalibrationError(f"the corners clicked in {name} lie on one line", got=list(clicks.names), remedy=remedy)
@@ -79,6 +80,7 @@ def find_table_pose(name: str, lens: Camera, clicks: Clicks) -> TablePose:
             got=got,
             remedy="check their names: left and right are as the robot sees them",
         )
+    # Over the root of 2: along one picture axis. Four clicks can fit better than anybody clicks.
     sigma_m = _sigma_m(placed, ps, max(rms_px / np.sqrt(2), CLICK_SIGMA_PX))
     if not sigma_m <= LARGEST_SIGMA_M:
         got = f"+-{100 * sigma_m:.0f} cm"

@@ -105,6 +105,14 @@ class Controller(Protocol):
         """Where the racket goes for a ball that comes to the hitting plane at p_c with v_c at t_c; None: nowhere.
 
         With the ball's spin there, if it is known, and the standard deviations of that.
+
+        Args:
+            t_c_s: when the ball is at the hitting plane, s on the chain's clock.
+            p_c_m: (3,) where, m, world.
+            v_c_mps: (3,) its velocity there, m/s, world.
+            stage: "pre" or "post": before or after the bounce.
+            spin_radps: (3,) its spin there, rad/s, world; None: not known.
+            spin_sigma_radps: (3,) standard deviations of the spin.
         """
         ...
 
@@ -183,6 +191,15 @@ class BuiltInController:
 
         Without a spin the ball is taken to carry what the table gives a spinless serve; how sure it is makes no
         difference. `target_m` (2,) replaces the configured landing point.
+
+        Args:
+            t_c_s: when the ball is at the hitting plane, s.
+            p_c_m: (3,) where, m, world.
+            v_c_mps: (3,) its velocity there, m/s, world.
+            stage: "pre" or "post": before or after the bounce.
+            target_m: (2,) x, y of the wanted landing, m.
+            spin_radps: (3,) spin there, rad/s, world.
+            spin_sigma_radps: not used.
         """
         p, v = np.asarray(p_c_m, np.float64), np.asarray(v_c_mps, np.float64)
         if not (math.isfinite(t_c_s) and np.isfinite(p).all() and np.isfinite(v).all() and v[0] < 0):
@@ -190,6 +207,7 @@ class BuiltInController:
         goal = self.goal_m if target_m is None else np.asarray(target_m, np.float64)
         ball = np.concatenate([p, v, np.zeros(3) if spin_radps is None else np.asarray(spin_radps, np.float64)])
         if spin_radps is None:
+            # Without air the spin does not bend the way back to the bounce, and one round is exact.
             for _ in range(SPIN_ROUNDS if self._air.acts else 1):
                 ball[6:] = spin_after_bounce(ball, self._table, self._air)
         stroke = self.solve(ball, goal)
@@ -198,6 +216,7 @@ class BuiltInController:
         v_racket, landing, net_z_m = np.array([stroke.speed_mps, 0.0, 0.0]), None, None
         q, action = base_orientation(self.task.stroke), np.zeros(3)
         if stage == "post" or self.config.orient_early:
+            # A turn about the face's own normal changes no stroke.
             action = np.array([0.0, stroke.tilt_rad, stroke.turn_rad]) / self._limit
             q = orientations_from_actions(action, self.task.stroke)
             landing, net_z_m = np.array([stroke.landing_x_m, stroke.landing_y_m]), stroke.net_z_m

@@ -49,7 +49,13 @@ class PolicyController:
     """As in the paper: the racket moves early with its base orientation, the policy turns it after the bounce."""
 
     def __init__(self, policy: StrokePolicy, task: TaskConfig, goal_m: ArrayLike, name: str = "policy") -> None:
-        """`task` is the one it was trained for: base orientation, action limit, hitting plane.
+        """A controller of this policy; base orientation, action limit and hitting plane are those of `task`.
+
+        Args:
+            policy: what chooses the action for a state.
+            task: the task that it was trained for.
+            goal_m: (2,) x, y of the wanted landing, m, world.
+            name: what messages call it.
 
         Raises:
             ConfigError: if the goal (2,) is not on the opponent's half.
@@ -93,6 +99,14 @@ class PolicyController:
 
         In the paper the spin is no part of the state. A policy whose states have it answers no ball without; a spin
         that comes without a standard deviation is exact.
+
+        Args:
+            t_c_s: when the ball is at the hitting plane, s.
+            p_c_m: (3,) where, m, world.
+            v_c_mps: (3,) its velocity there, m/s, world.
+            stage: "pre" or "post": before or after the bounce.
+            spin_radps: (3,) spin there, rad/s, world.
+            spin_sigma_radps: (3,) its standard deviations; None: exact.
         """
         p, v = np.asarray(p_c_m, np.float64), np.asarray(v_c_mps, np.float64)
         if not (math.isfinite(t_c_s) and np.isfinite(p).all() and np.isfinite(v).all() and v[0] < 0):
@@ -102,6 +116,7 @@ class PolicyController:
         state = np.concatenate([p, v])
         v_racket = np.array([self.policy.racket_speed_mps(state), 0.0, 0.0])
         q, action = base_orientation(self.task.stroke), np.zeros(3)
+        # As in the paper: before the bounce the racket only moves there, the orientation is decided after it.
         if stage == "post":
             known = state
             if self.needs_spin:
@@ -126,6 +141,13 @@ def load_controller(
     name: str = "",
 ) -> PolicyController:
     """The policy of a training run as a controller, aimed at the middle of the run's targets unless told otherwise.
+
+    Args:
+        run: folder of the training run.
+        seed: which of its seeds; None: the first.
+        which: the policy at the end, or the one with the best evaluation.
+        goal_m: (2,) x, y of the wanted landing, m; None: the middle of the run's targets.
+        name: what messages call it.
 
     Raises:
         ConfigError: if there is no such run, or it has no policy yet.

@@ -90,6 +90,7 @@ def play_stroke(ball: Array, tilt: float, turn: float, speed: float, rubber: Sur
     """
     s, end = ball.copy(), np.empty(9)
     normal = (math.cos(turn) * math.cos(tilt), math.sin(turn), -math.cos(turn) * math.sin(tilt))
+    # A ball that goes away from the face does not meet it.
     if not (s[3] - speed) * normal[0] + s[4] * normal[1] + s[5] * normal[2] < 0:
         return False
     strike(s, normal, (speed, 0.0, 0.0), rubber)
@@ -178,6 +179,8 @@ def solve_stroke(problem: StrokeProblem, start: Array, x: Array, best: Array) ->
                     better = True
                     break
             for k in range(3):
+                # Six shorter tries, down to 1 % of the step: beyond a tilt the ball no longer crosses the net, where
+                # slopes say nothing.
                 step[k] *= 0.4
         if not better:
             break

@@ -44,7 +44,14 @@ class ClusterMemory(NamedTuple):
 
 
 def allocate_clusters(eps_px: float, min_samples: int, sensor: SensorSize, room: int) -> ClusterMemory:
-    """Memory for up to `room` events of a sensor."""
+    """Memory for up to `room` events of a sensor.
+
+    Args:
+        eps_px: radius of a neighbourhood.
+        min_samples: events in it, itself included, that make a core.
+        sensor: size of the sensor.
+        room: most events.
+    """
     reach = math.floor(eps_px)
     y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     squares = (x * x + y * y).ravel()
@@ -87,6 +94,8 @@ def label_events(x_px, y_px, times_px, memory):
         picture[row, column] = i
         labels[i] = -1
     clusters = 0
+    # In the order of the events, each cluster flooded before the next begins: so the numbers, and the cluster of a
+    # border point between two, are those of scikit-learn's DBSCAN.
     for seed in range(len(x_px)):
         if labels[seed] >= 0 or not _is_core(seed, x_px, y_px, times_px, memory):
             continue
@@ -99,6 +108,7 @@ def label_events(x_px, y_px, times_px, memory):
             depth = _spread(np.int64(stack[depth]), clusters, depth, x_px, y_px, times_px, memory)
         clusters += 1
     for i in range(len(x_px)):
+        # Only what was touched: clearing the whole picture would cost more than the search.
         picture[y_px[i] + reach, x_px[i] + reach] = -1
     return clusters
 

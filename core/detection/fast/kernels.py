@@ -80,6 +80,7 @@ def circle_of_hull(hull, count):
         return float(hull[0, 0]), float(hull[0, 1]), 0.0
     a, b = 0, 1
     while True:
+        # The largest cotangent is the smallest angle, without a call of atan2.
         c, angle = -1, -np.inf
         for k in range(count):
             if k in (a, b):
@@ -211,6 +212,7 @@ def find_ball(events, centre_px, remembered, settings, memory):
         badness = (u - centre_px[0]) ** 2 + (v - centre_px[1]) ** 2
         if math.isnan(badness):
             badness = -circularity
+        # Of equals the first counts, as in the readable pipeline, whose sums round in another order.
         if badness < best - SAME_CIRCULARITY:
             best = badness
             answer = Answer(answer.circles + 1, u, v, r, evidence)
@@ -246,6 +248,8 @@ def _survivors(x_px, y_px, count, memory):
         if picture[y, x] & TESTED:
             continue
         picture[y, x] |= TESTED
+        # An opening is the union of all kernels that fit, and a kernel fits only round a set pixel: the others need
+        # no test.
         whole = True
         for k in range(len(kernel)):
             if not picture[y + kernel[k, 0], x + kernel[k, 1]]:
@@ -342,8 +346,10 @@ def _measure_edge(cluster, on_leads, settings, memory):
             sum_y += y_px[k]
     if not count:
         return nothing
+    # Rows of the whole cluster: those without leading events keep first > last, which the hull leaves out.
     centre_x, centre_y, pixels = sum_x / count, sum_y / count, 0
     first[y_min : y_max + 1], last[y_min : y_max + 1] = 1 << 30, -1
+    # A new number instead of clearing the map in which pixels are counted once.
     memory.stamp[0] += 1
     for k in members:
         x, y = x_px[k], y_px[k]

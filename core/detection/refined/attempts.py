@@ -103,6 +103,16 @@ def reasons_without_ball(
     The nearest one is a track that was fitted but given up; else a fitted one that lacks something to be a ball, the
     one that lacks least; else the refused fit with the fewest failed limits, and of these the most edge points; else a
     refused first estimate; else there was nothing to fit. `blobs` is how many there are, or why there is none.
+
+    Args:
+        end_us: end of the window.
+        recent: events of the history.
+        blobs: how many the search found, or why none.
+        refused: fits that this window refused.
+        tracks: those that go on.
+        given_up: those that ended.
+        config: the limits.
+        brighter: contrast of the last ball, -1 (darker) to 1; what differs needs more evidence.
     """
     for track in given_up:
         if track.end_us == end_us:

@@ -104,10 +104,19 @@ def blank_work() -> Work:
 
 @njit
 def span_for(end_us: int, speed: float, reach: Reach, polarity: int = 0) -> LookBack:
-    """Limits of the events used for a ball of this speed in px/ms."""
+    """Limits of the events used for a ball of this speed in px/ms.
+
+    Args:
+        end_us: end of the window.
+        speed: of the ball, px/ms.
+        reach: motion and times of the history.
+        polarity: see `LookBack`.
+    """
     speed = max(speed, 0.05)
     history = min(max(reach.motion_px / speed, reach.history_min_ms), reach.history_max_ms)
+    # A pixel's newest event is its last one only when the edge has left it: 0.8 px later.
     guard = min(max(0.8 / speed, 0.3), 4.0, 0.4 * history)
+    # Read back farther than the history, or the first event read would not be the pixel's first one.
     before = min(max(1.5 / speed, 1.0), 5.0)
     return LookBack(end_us, history + before, history, guard, reach.tail, polarity)
 
@@ -119,6 +128,15 @@ def fit_ball(
     """Fit from `work.fit.estimate` with its prior; estimate, quality and covariance are then in `work`.
 
     Each round gathers the edge points anew, within a band that ends at `band_px`. See `LookBack` for `polarity`.
+
+    Args:
+        recent: events of the history.
+        work: arrays that are worked in; `work.fit` has estimate, prior and information.
+        end_us: end of the window, at which the estimate holds.
+        reach: motion and times of the history.
+        band_px: half width of the last round's band round the rim.
+        rounds: how often edge points are gathered.
+        polarity: see `LookBack`.
     """
     estimate, bend = work.fit.estimate, work.fit.bend
     speed = math.hypot(estimate[2], estimate[3])
@@ -127,8 +145,10 @@ def fit_ball(
     count, x0, y0 = fill_patch(recent, work.patch, estimate[0], estimate[1], min(HALF, asked), span)
     fine = False
     work.counts[1], work.counts[2], work.counts[3] = count, x0, y0
+    # A jitter in time is one in place at this speed: the two spreads add in squares.
     blur = math.sqrt(1.0 + (speed * JITTER_MS / SIGMA_PX) ** 2)
     for round_number in range(rounds):
+        # Each round halves the band: the first one has to find the rim from a rough estimate.
         wider = 2.0 ** (rounds - 1 - round_number)
         ball = MovingCircle(
             estimate[0], estimate[1], estimate[2], estimate[3], estimate[4], estimate[5], bend[0], bend[1]
@@ -167,6 +187,7 @@ def _judge(work, found, inside, residual, span):
         ms = points.ms[k] + (estimate[5] if points.lead[k] != 0.0 else -estimate[5])
         du = points.u[k] - estimate[0] - (estimate[2] + 0.5 * work.fit.bend[0] * ms) * ms
         dv = points.v[k] - estimate[1] - (estimate[3] + 0.5 * work.fit.bend[1] * ms) * ms
+        # Sectors begin a quarter turn before the heading: the first half of them is the leading half.
         turn = (math.atan2(dv, du) - heading + 0.5 * math.pi) / (2.0 * math.pi)
         sectors[math.floor((turn - math.floor(turn)) * SECTORS) % SECTORS] += 1.0
     lead, trail = 0, 0
@@ -178,6 +199,7 @@ def _judge(work, found, inside, residual, span):
     quality[2], quality[3] = lead / half, trail / half
     quality[4] = inside / max(1.0, events)
     quality[5] = 1.0 - good / found
+    # Each of the two edges sweeps a strip of 2 r times the motion.
     quality[6] = good / (4.0 * estimate[4] * motion_px)
     quality[7] = events / max(1, good)
     quality[8] = lead_sum / max(1, leads)
@@ -195,7 +217,15 @@ def _judge(work, found, inside, residual, span):
 def start_from_place(
     recent: Recent, box: NDArray[np.float64], end_us: int, span_us: int, estimate: NDArray[np.float64]
 ) -> bool:
-    """First estimate from the events in a box (u, v, width, height): from their drift and their spread."""
+    """First estimate from the events in a box (u, v, width, height): from their drift and their spread.
+
+    Args:
+        recent: events of the history.
+        box: (4,) u, v of the centre, width and height, px.
+        end_us: end of the window.
+        span_us: age of the oldest events used.
+        estimate: (6,) output, as `circle_fit.UNKNOWNS`; the stretch is left as it is.
+    """
     u, v = box[0], box[1]
     half_u, half_v = 0.5 * box[2] + 2.0, 0.5 * box[3] + 2.0
     begin = np.searchsorted(recent.t_us, end_us - span_us)
@@ -215,6 +245,7 @@ def start_from_place(
     spread = sum_tt / count - mean_t * mean_t
     if spread < MIN_SPREAD_MS2:
         return False
+    # Least squares u = u0 + vu t; what is left about that line is r^2, as all events are on the rim.
     vu = (sum_tu / count - mean_t * mean_u) / spread
     vv = (sum_tv / count - mean_t * mean_v) / spread
     about_the_line = sum_rr / count - mean_u * mean_u - mean_v * mean_v - (vu * vu + vv * vv) * spread

@@ -57,7 +57,13 @@ class Fit(NamedTuple):
 def fit_circle(points: EdgePoints, count: int, fit: Fit, sigma_px: float, scale_px: float, iterations: int) -> float:
     """Fit; the weighted root mean square residual, infinite where the points determine nothing.
 
-    `sigma_px` is the spread of one edge point, `scale_px` that of the Cauchy weights.
+    Args:
+        points: edge points; their weights are written.
+        count: how many of them.
+        fit: estimate (changed in place), prior (6,), its information (6,), and the path's bend, px/ms^2.
+        sigma_px: spread of one edge point.
+        scale_px: distance at which a point has half its weight (Cauchy).
+        iterations: most steps of Gauss-Newton.
     """
     estimate, bend, normal = fit.estimate, fit.bend, fit.normal
     gradient = np.empty(UNKNOWNS)
@@ -87,6 +93,7 @@ def fit_circle(points: EdgePoints, count: int, fit: Fit, sigma_px: float, scale_
             points.weight[k] = weight
             squares += weight * error * error
             weights += weight
+            # Minus the slope of the error, so that the step is added.
             row[0], row[1] = du / distance, dv / distance
             row[2], row[3], row[4] = row[0] * ms, row[1] * ms, 1.0
             row[5] = ahead * (row[0] * (estimate[2] + bend[0] * ms) + row[1] * (estimate[3] + bend[1] * ms))
@@ -105,6 +112,7 @@ def fit_circle(points: EdgePoints, count: int, fit: Fit, sigma_px: float, scale_
         for i in range(UNKNOWNS):
             estimate[i] += step[i]
             largest = max(largest, abs(step[i]))
+        # A hundredth of an edge point's spread: going on changes nothing that is reported.
         if largest < 5e-3:
             break
     return math.sqrt(squares / weights) if weights > 0.0 else np.inf

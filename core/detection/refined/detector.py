@@ -269,6 +269,7 @@ class RefinedDetector:
         fit.prior[5] = self._stretch_ms
         fit.information[:] = (place, place, along_u, along_v, radius, stretch)
         fit.bend[:] = expected.au, expected.av
+        # The first fit of an unconfirmed track may have been of half a ball: it gets a wider band first.
         rounds = 1 if track.confirmed else 2
         found = self._fit(origin, end_us, reach, band_px, rounds, track)
         if found is None:
@@ -352,6 +353,7 @@ class RefinedDetector:
             return
         fit.estimate[5] = self._stretch_ms
         fit.prior[:] = fit.estimate
+        # A prior of 100 px: nothing is known but the edge latency of the sensor. It only keeps the equations regular.
         fit.information[:5] = 1e-4
         fit.information[5] = self._stretch_spread_ms**-2
         fit.bend[:] = 0.0

@@ -89,6 +89,14 @@ def fill_patch(recent: Recent, patch: Patch, u: float, v: float, reach_px: int, 
     """Read the events within `reach_px` of (u, v); how many pixels were touched, and the address of the patch's origin.
 
     `first` and `last` hold the events' age in microseconds plus one.
+
+    Args:
+        recent: events of the history.
+        patch: output, empty before.
+        u: column of its middle, px.
+        v: row of its middle, px.
+        reach_px: half of the side that is read.
+        span: time limits.
     """
     x0, y0 = round(u) - HALF - 1, round(v) - HALF - 1
     low, high = HALF + 1 - reach_px, 2 * reach_px
@@ -102,9 +110,11 @@ def fill_patch(recent: Recent, patch: Patch, u: float, v: float, reach_px: int, 
         if x < 0 or x > high or y < 0 or y > high:
             continue
         row, column = y + low, x + low
+        # One more than the age: 0 is a pixel without events.
         age, on = np.int32(span.end_us - recent.t_us[k] + 1), recent.on[k]
         if first[row, column] == 0:
             first[row, column] = age
+            # The other maps are not cleared after a fit; they begin anew with a pixel's first event.
             patch.brighter[row, column] = patch.newest[row, column] = on
             patch.events[row, column] = 0
             patch.turned[row, column] = patch.before[row, column] = 0
@@ -149,11 +159,21 @@ def edge_points(
     the ball's own shadow, which runs before it near a bounce, and noise would mark the pixel at another time. On the
     trailing half only where the other event is older than the guard: after a bounce the ball enters pixels again that
     it has just left, and the older event is of a path that it no longer follows.
+
+    Args:
+        patch: filled by `fill_patch`.
+        count: pixels touched.
+        origin: (x, y) address of the patch's corner.
+        ball: the expected circle at the end of the window.
+        band_px: half width of the band round the rim.
+        span: time limits, and what is known of the polarity.
+        points: output.
     """
     first, last = patch.first, patch.last
     found, inside = 0, 0
     bright = span.polarity > 0
     lead_on = span.tail and _brighter_ahead(patch, count, origin, ball, band_px, span)
+    # Far enough from the rim that an error of the first estimate does not count edge events as inside.
     inner = 0.6 * ball.r
     for k in range(count):
         row, column = divmod(patch.touched[k], SIDE + 2)

@@ -157,9 +157,12 @@ def find_blobs(maps: Maps, span: int, end_us: int, flood: int, limits: BlobLimit
                             depth += 1
             width, height = (right - left + 1) * size, (bottom - top + 1) * size
             longer, shorter = max(width, height), min(width, height)
+            # A cell is 4 x 4 px, less than the smallest ball fills.
             if cells < 2 or found >= MAX_BLOBS:
                 continue
+            # One cell less for the map's empty border; half a pixel less as a pixel's address is its centre.
             u, v = (left - 1) * size + 0.5 * width - 0.5, (top - 1) * size + 0.5 * height - 0.5
+            # A cell more, by which the sides are rounded up.
             if longer > limits.side_max_px or longer > limits.elongation_max * shorter + size:
                 if cells > blobs.rejected[4]:
                     blobs.rejected[0], blobs.rejected[1] = u, v

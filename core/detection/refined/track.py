@@ -99,7 +99,14 @@ class BallTrack:
         return au, av
 
     def take(self, end_us: int, ball: MovingCircle, covariance: NDArray[np.float64], quality: Quality) -> None:
-        """Update the track with a new fit."""
+        """Update the track with a new fit.
+
+        Args:
+            end_us: end of the window.
+            ball: the circle then.
+            covariance: (6, 6) of its unknowns, as `circle_fit.UNKNOWNS`.
+            quality: of the fit.
+        """
         self.bend = self._bend_with(ball, 1e-3 * (end_us - self.end_us))
         self.end_us, self.ball, self.covariance, self.quality = end_us, ball, covariance, quality
         self.fits += 1

@@ -40,7 +40,14 @@ ROLES: Final = {"examined": "accepted", "tracked": "region", "waiting": "waiting
 
 
 def view_of(trace: RefinedTrace, window: Window, reasons: tuple[Reason, ...], residual_px: float) -> MethodTrace:
-    """Everything that is shown of a trace; `residual_px` is the limit of a fit's residual."""
+    """Everything that is shown of a trace; `residual_px` is the limit of a fit's residual.
+
+    Args:
+        trace: of one window.
+        window: the events that are shown.
+        reasons: why there is no ball.
+        residual_px: largest residual of a fit, drawn as a limit.
+    """
     tracks = {track.fit: track for track in trace.tracks if track.fit is not None}
     return MethodTrace(
         views=_views(trace, tracks),

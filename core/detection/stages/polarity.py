@@ -79,7 +79,14 @@ def on_leads(evidence: float, remembered: float, config: PolarityConfig) -> bool
 
 
 def remember(remembered: float, evidence: float | None, window_us: int, config: PolarityConfig) -> float:
-    """Remembered evidence after a window: it decays, and the evidence of the detected ball (None: no ball) is added."""
+    """Remembered evidence after a window: it decays, and the evidence of the detected ball (None: no ball) is added.
+
+    Args:
+        remembered: evidence of earlier windows; positive: ON leads.
+        evidence: that of this window's ball.
+        window_us: its length.
+        config: memory and its limit.
+    """
     if config.memory_ms == 0.0:
         return 0.0
     faded = remembered * math.exp(-window_us / (1000.0 * config.memory_ms))

@@ -141,6 +141,12 @@ def find_circles(
 ) -> NDArray[np.float64]:
     """(N, 4): centre, radius in pixels of the picture and confidence, the most confident first.
 
+    Args:
+        network: with its weights.
+        config: size of its input, confidence, overlap.
+        image: (H, W, 3) or (H, W), 0 to 255.
+        device: where the network is.
+
     Raises:
         RecordingError: if it is no picture.
     """

@@ -162,6 +162,8 @@ def _checked(
             raise ConfigError("layers that do not fit", expected=f"{width} inputs", got=weight.shape, where=path)
         if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
             raise ConfigError("a policy with numbers that are not finite", where=path)
+        # The largest number that any input can make in a layer: a file whose sums overflow would answer nan on some
+        # balls.
         largest = largest * np.abs(weight).sum(0, np.float64).max(initial=0.0) + np.abs(bias).max(initial=0.0)
         width = weight.shape[1]
     if largest > OVERFLOW:

@@ -88,7 +88,15 @@ class ReflectionModel:
     def __init__(
         self, states: Array, racket_mps: Array, actions: Array, velocities: Array, stroke: StrokeConfig
     ) -> None:
-        """Fit to states (N, 6), racket speeds (N,), actions (N, 3) and velocities after the hit (N, 3)."""
+        """Fit to states (N, 6), racket speeds (N,), actions (N, 3) and velocities after the hit (N, 3).
+
+        Args:
+            states: (N, 6) position and velocity at the racket, m, m/s.
+            racket_mps: (N,) racket speeds along +x.
+            actions: (N, 3) in [-1, 1].
+            velocities: (N, 3) of the ball after the hit, m/s.
+            stroke: base orientation and action limit.
+        """
         self._stroke = stroke
         parts = self._parts(states, racket_mps, actions)
         wanted = velocities - _along_x(racket_mps)

@@ -43,7 +43,14 @@ NET_PASSED_M = -1e-6
 def transition_of(
     batch: ServeBatch, action: Array, outcome: Outcomes, reward: float
 ) -> dict[str, NDArray[np.floating]]:
-    """The replay row of one played ball (arrays of one row)."""
+    """The replay row of one played ball (arrays of one row).
+
+    Args:
+        batch: one ball.
+        action: (A,) in [-1, 1].
+        outcome: of that ball.
+        reward: of the episode.
+    """
     missed = outcome.case[0] == Case.MISSED
     return {
         "state": batch.states[0],
@@ -93,7 +100,23 @@ def episode_line(
     kept: ReplayStart | None,
     losses: Losses,
 ) -> dict[str, object]:
-    """Line about one episode; `kept` only at the start of a stage."""
+    """Line about one episode; `kept` only at the start of a stage.
+
+    Args:
+        episode: number in the run.
+        stage: number of the speed.
+        stage_episode: number at this speed.
+        batch: the one ball.
+        action: (A,) in [-1, 1].
+        noise: standard deviation of the exploration.
+        is_random: whether the action was drawn uniformly.
+        outcome: of the ball.
+        reward: of the episode.
+        weights: of the reward's two terms.
+        buffer: transitions in the replay buffer.
+        kept: what the replay buffer began the stage with; None inside of a stage.
+        losses: of critic and actor.
+    """
     line: dict[str, object] = {
         "episode": episode,
         "stage": stage,

@@ -97,6 +97,12 @@ def map_policy(
     The balls are seen as in the training, but for event cameras, which are not rendered: there the state is known. Of
     recorded balls those are served that a run's best policy is chosen by.
 
+    Args:
+        policy: what chooses the action for states (N, S), racket speeds (N,) and goals (N, 2).
+        environment: the task that it was trained for.
+        speed_mps: of the serves at the launcher.
+        serves: how many; the same for every target.
+
     Raises:
         ConfigError: if there are no serves of this speed, no recorded balls, or the policy needs another kind of state.
         RecordingError: if recorded balls cannot be read.

@@ -66,6 +66,7 @@ def run_training(
     with hold_run(run), one_torch_thread():
         status = StatusWriter(run, config)
         try:
+            # A pause or stop of the last time would end this one at once.
             if read_control(run).command != "run":
                 write_control(run, replace(read_control(run), command="run"))
             if alone:

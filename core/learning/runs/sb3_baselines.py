@@ -104,6 +104,7 @@ class Sb3Environment(OneStepReturn):
         batch: ServeBatch | None = self._now
         assert batch is not None
         wanted = np.asarray(action, np.float64).reshape(1, 3)
+        # Counted from the stage's begin like our agents' episodes, where the environment counts from its own.
         weights = reward_weights(self.stage_episode, self.reward)
         outcome = self.outcome
         assert outcome is not None

@@ -25,6 +25,7 @@ from core.learning.agents.reflection_agent import ReflectionAgent
 from core.learning.agents.replay import ReplayBuffer, ReplayStart, start_stage
 from core.learning.config import RunConfig
 from core.learning.evaluation.policy_evaluator import PolicyEvaluator, episode_line, transition_of
+from core.learning.registered_agents import AGENTS, MakeAgent
 from core.learning.runs.run_files import (
     SeedFiles,
     SeedWriter,
@@ -94,14 +95,14 @@ class SeedTrainer:
         Raises:
             ConfigError: if the run cannot be written.
         """
-        ours = self._config.agent in ("ddpg", "landing-model")
+        itself = AGENTS[self._config.agent].trains_itself
         try:
-            return self._train_own(seed) if ours else self._train_sb3(seed)
+            return self._train_sb3(seed) if itself else self._train_own(seed)
         except OSError as error:
             raise run_not_written(self._run, error) from error
 
     def _train_own(self, seed: int) -> bool:
-        """Train our agent; whether it finished, rather than being stopped."""
+        """Train an agent in our loop; whether it finished, rather than being stopped."""
         files = seed_files(self._run, seed)
         training = resume(files, self._config, seed, self._backend)
         with SeedWriter(files) as writer:
@@ -268,6 +269,7 @@ class Training:
         where = f"episode {self.episode}, seed {self.seed}"
         reward = float(episode_rewards(outcome, batch.goals_m, weights, self.config.reward, where=where)[0])
         losses = Losses(float("nan"), float("nan"))
+        # A ball that perception missed has no state to learn from.
         if batch.seen[0]:
             self._buffer.add(transition_of(batch, action[0], outcome, reward))
         if len(self._buffer):
@@ -385,18 +387,22 @@ class Training:
             self._batch = self._draw_batch()
 
 
+def _make_landing_model(config: RunConfig, rng: np.random.Generator) -> Agent:
+    heads: dict[str, MakeAgent] = {"process": ProcessAgent, "reflection": ReflectionAgent}
+    return heads.get(config.landing_model.head, LandingModelAgent)(config, rng)
+
+
+OURS: Final[dict[str, MakeAgent]] = {"ddpg": DdpgAgent, "landing-model": _make_landing_model}
+
+
 def make_agent(config: RunConfig, rng: np.random.Generator) -> Agent:
     """A new agent by the config's name.
 
     Raises:
         ConfigError: if it is one of stable-baselines3, which trains itself.
     """
-    if config.agent == "ddpg":
-        return DdpgAgent(config, rng)
-    if config.agent == "landing-model" and config.landing_model.head == "process":
-        return ProcessAgent(config, rng)
-    if config.agent == "landing-model" and config.landing_model.head == "reflection":
-        return ReflectionAgent(config, rng)
-    if config.agent == "landing-model":
-        return LandingModelAgent(config, rng)
-    raise ConfigError("an agent that trains itself", expected="ddpg or landing-model", got=config.agent)
+    make = AGENTS[config.agent].make or OURS.get(config.agent)
+    if make is None:
+        others = ", ".join(name for name, agent in AGENTS.items() if not agent.trains_itself)
+        raise ConfigError("an agent that trains itself", expected=others, got=config.agent)
+    return make(config, rng)

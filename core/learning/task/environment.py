@@ -272,6 +272,7 @@ def draw_serve_batch(
     if config.recorded:
         found = recorded_balls(config.recorded, part, config.task)
         known = len(found.serves)
+        # With repetition for training; a ball that is tested twice would count twice.
         which = rng.integers(0, known, count) if part == "training" else rng.permutation(known)[:count]
         serves, arrivals, count = found.serves[which], select_arrivals(found.arrivals, which), len(which)
         rackets_mps = racket_speeds(arrivals, config.task)
@@ -317,6 +318,12 @@ def play(batch: ServeBatch, actions: Array, config: EnvironmentConfig) -> Outcom
 
 def check_actions(actions: NDArray[np.floating], size: int, who: str, episode: int = 0) -> Array:
     """Actions (N, size) as float64; `episode` is that of the first.
+
+    Args:
+        actions: (N, A) or (A,).
+        size: A.
+        who: what gave them, for the message.
+        episode: number of the first, for the message.
 
     Raises:
         AgentError: naming who gave them and the episode, if they have another shape or are not finite.

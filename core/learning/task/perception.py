@@ -23,7 +23,14 @@ POINTS: Final = predictor_for("paper").observations
 
 
 def predict_serves(serves: Serves, arrivals: Arrivals, step_s: float, config: TaskConfig) -> tuple[Array, Array]:
-    """Predicted states (N, 6) at the hitting plane and times (N,) there; NaN with fewer than two observations."""
+    """Predicted states (N, 6) at the hitting plane and times (N,) there; NaN with fewer than two observations.
+
+    Args:
+        serves: N launches.
+        arrivals: of the same balls at the hitting plane.
+        step_s: time between two observations.
+        config: physics and hitting plane.
+    """
     first = np.floor(arrivals.bounce_t_s / step_s) + 1.0
     t_s: Array = (first[:, None] + np.arange(POINTS)) * step_s
     observed = t_s < arrivals.t_s[:, None]
@@ -63,7 +70,15 @@ def perceive(
     *,
     racket_speeds_mps: Array,
 ) -> PerceivedArrivals:
-    """The arriving balls through the configured source; of `events` nothing is known before cameras have seen them."""
+    """The arriving balls through the configured source; of `events` nothing is known before cameras have seen them.
+
+    Args:
+        serves: N launches.
+        arrivals: of the same balls at the hitting plane.
+        config: state source and its errors.
+        rng: source of random numbers.
+        racket_speeds_mps: (N,) along +x.
+    """
     truth, spins = arrivals.observations, arrivals.states[:, 6:]
     n, has_spin = len(truth), config.state == "spin"
     if config.state_source == "truth":

@@ -31,6 +31,13 @@ def episode_rewards(
 ) -> Array:
     """Reward (N,) of outcomes for goals (N, 2); `where` tells of which episode, in messages.
 
+    Args:
+        outcomes: of N balls.
+        goals_m: (N, 2) targets on the table.
+        weights: of accuracy and return, as the episode has them.
+        config: kind and constants.
+        where: episode and seed, for messages.
+
     Raises:
         AgentError: if the reward gives anything but a finite number for each.
     """
@@ -67,6 +74,7 @@ def rewards_of(
         rewards = np.asarray(given, np.float64)
     except (TypeError, ValueError) as error:
         raise AgentError(f"the reward {config.kind} is no number", got=repr(given)[:80], where=where or None) from error
+    # Rewards may come from a plugin: one number for all would broadcast silently.
     if rewards.shape != (len(case),):
         expected, got = f"{len(case)} numbers", f"shape {rewards.shape}"
         raise AgentError(f"the reward {config.kind} is no number", expected=expected, got=got, where=where or None)

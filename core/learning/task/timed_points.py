@@ -58,7 +58,14 @@ class PointErrors:
     """(2, 3)."""
 
     def draw(self, t_s: Array, truth_m: Array, bounce_t_s: Array, rng: np.random.Generator) -> Array:
-        """Errors (N, K, 3) in metres of N balls at times (K,) in rising order, their places (N, K, 3) given."""
+        """Errors (N, K, 3) in metres of N balls at times (K,) in rising order, their places (N, K, 3) given.
+
+        Args:
+            t_s: (K,) times, ascending.
+            truth_m: (N, K, 3) true places, world.
+            bounce_t_s: (N,) when each ball bounces.
+            rng: source of random numbers.
+        """
         n, k = truth_m.shape[:2]
         after = (t_s > bounce_t_s[:, None]).astype(np.int8)
         features = np.stack([place_and_motion(t_s, one) for one in truth_m]) if n else np.empty((0, k, FEATURES))
@@ -157,7 +164,15 @@ def observe_in_time(
     racket_speeds_mps: ArrayLike,
     rng: np.random.Generator,
 ) -> StatesInTime:
-    """Every ball up to its decision; the racket meets each at a speed of its own (N,), or all at one."""
+    """Every ball up to its decision; the racket meets each at a speed of its own (N,), or all at one.
+
+    Args:
+        serves: N launches.
+        arrivals: of the same balls at the hitting plane.
+        config: timing, predictor and task.
+        racket_speeds_mps: (N,) or one, along +x.
+        rng: source of random numbers.
+    """
     n = len(arrivals.t_s)
     rackets_mps = np.broadcast_to(np.asarray(racket_speeds_mps, np.float64), n)
     timing = config.timing
@@ -225,6 +240,7 @@ def _watch(
         end_s = block * block_s
         racket.move(end_s)
         newest = None
+        # All points of a block at once and only the newest prediction: what the live chain does.
         while k < len(t_s) and t_s[k] <= end_s:
             if np.isfinite(points_m[k, 0]):
                 prediction = predictor.add(round(1e6 * t_s[k]), points_m[k], COVARIANCE_M2)

@@ -69,6 +69,7 @@ class SimulationClient:
         self._timeout_s = timeout_s
         self._context = zmq.Context()
         self._numbers = itertools.count(1)
+        # A request socket has one question at a time; the second lock is for what the receiving thread changes.
         self._asking, self._lock = threading.Lock(), threading.Lock()
         self._socket: zmq.Socket | None = None
         self._watch: HandshakeWatch | None = None
@@ -144,7 +145,14 @@ class SimulationClient:
     def aim_racket(
         self, p_m: tuple[float, ...], q_wxyz: tuple[float, ...], v_mps: tuple[float, ...], t_us: int
     ) -> m.Reply:
-        """Send the middle of the racket's face to a pose with a velocity at a simulated time."""
+        """Send the middle of the racket's face to a pose with a velocity at a simulated time.
+
+        Args:
+            p_m: (3,) middle of the face, world.
+            q_wxyz: (4,) its orientation in the world.
+            v_mps: (3,) its velocity, world.
+            t_us: simulated time at which it is to be so.
+        """
         return self.ask(lambda number: m.AimRacket(id=number, p_m=p_m, q_wxyz=q_wxyz, v_mps=v_mps, t_us=t_us))
 
     def rest_racket(self) -> m.Reply:

@@ -58,12 +58,26 @@ def numbered(kind: type[IntEnum]) -> Any:
 
 
 def bounded_number(low: float, high: float, *, nan: bool = False, default: object = REQUIRED) -> Any:
-    """A float in [low, high]; or NaN, where that means unknown."""
+    """A float in [low, high]; or NaN, where that means unknown.
+
+    Args:
+        low: smallest value.
+        high: largest value.
+        nan: whether NaN, for unknown, is possible.
+        default: of a field that may be missing.
+    """
     return _field(Spec(lambda value, where: _number(value, low, high, nan, where), float), default)
 
 
 def vector(length: int | tuple[int, ...], bound: float, *, nan: bool = False, default: object = REQUIRED) -> Any:
-    """A tuple of `length` floats (or of one of several lengths), each within `bound` of zero."""
+    """A tuple of `length` floats (or of one of several lengths), each within `bound` of zero.
+
+    Args:
+        length: number of components, or several that are possible.
+        bound: largest absolute value.
+        nan: whether NaN, for unknown, is possible.
+        default: of a field that may be missing.
+    """
     lengths = (length,) if isinstance(length, int) else length
 
     def read(value: Wire, where: str) -> tuple[float, ...]:

@@ -34,6 +34,12 @@ class Robot(Protocol):
     ) -> m.Reply:
         """Send the middle of the racket's face to a pose with a velocity at a time of the session.
 
+        Args:
+            p_m: (3,) middle of the face, world.
+            q_wxyz: (4,) its orientation in the world.
+            v_mps: (3,) its velocity, world.
+            t_us: time of the session at which it is to be so.
+
         Raises:
             LinkError: if that is refused, or not answered in time.
         """

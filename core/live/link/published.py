@@ -29,7 +29,16 @@ def event_batch(block: Block, camera: str, session: str, seq: int) -> m.EventBat
 def camera_batch(
     camera: str, events: Events, span_us: tuple[int, int], session: str, seq: int, *, truth: PixelTruth | None = None
 ) -> m.EventBatch:
-    """The events of a camera in a stretch, and where the ball is in its picture if that is known."""
+    """The events of a camera in a stretch, and where the ball is in its picture if that is known.
+
+    Args:
+        camera: its name.
+        events: of the span, on the session's clock.
+        span_us: start and end.
+        session: identity of the session.
+        seq: number of the message.
+        truth: where the ball is, if known.
+    """
     start_us, end_us = span_us
     nobody_knows = np.empty(0, np.int64), np.empty((0, 3))
     known = None if truth is None else (truth.t_us, np.column_stack([truth.u_px, truth.v_px, truth.r_px]))
@@ -106,7 +115,14 @@ def welcome_to(cameras: Mapping[str, tuple[SensorSize, Camera | None]]) -> m.Rep
 
 
 def state_of_block(session: str, seq: int, span_us: tuple[int, int], speed: float) -> m.WorldState:
-    """The state that ends a block: its times, and nothing of ball or racket."""
+    """The state that ends a block: its times, and nothing of ball or racket.
+
+    Args:
+        session: identity of the session.
+        seq: number of the message.
+        span_us: start and end of the block.
+        speed: times real time.
+    """
     none = np.empty(0, np.int64)
     return m.WorldState(
         session=session, seq=seq, wall_ns=time.time_ns(), start_us=span_us[0], t_us=span_us[1],

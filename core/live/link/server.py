@@ -180,6 +180,7 @@ class SimulationServer:
             self._gateway.close()
             self._context.destroy(linger=0)
             raise
+        # Answers clients while the kernels compile, so that nobody takes the server for dead.
         self._responder = PreparingResponder(self._commands, preparing)
         try:
             self._start_session(seed)

@@ -160,6 +160,13 @@ def event_environment(
     reward: RewardConfig | None = None,
     seed: int = 0,
 ) -> OneStepReturn:
-    """The task as a Gymnasium environment, its states from events: `OneStepReturn` on an `EventCameraBackend`."""
+    """The task as a Gymnasium environment, its states from events: `OneStepReturn` on an `EventCameraBackend`.
+
+    Args:
+        speed_mps: of the serves at the launcher.
+        environment: the task; None: the paper's, with states from events.
+        reward: None: the paper's.
+        seed: of the sensor's noise.
+    """
     config = environment or EnvironmentConfig(state_source="events")
     return OneStepReturn(speed_mps, config, reward, backend=EventCameraBackend(config, seed=seed))

@@ -101,7 +101,14 @@ class SampledPath:
         """When the ball went out of play."""
 
     def add(self, start_s: float, start: Array, end_s: float, end: Array) -> None:
-        """The ball went from one state (9,) to another; pieces come in order."""
+        """The ball went from one state (9,) to another; pieces come in order.
+
+        Args:
+            start_s: time of the first state.
+            start: (9,) position, velocity and spin.
+            end_s: time of the second.
+            end: (9,).
+        """
         if end_s > start_s:
             self._starts.append((start_s, start))
             self._ends.append((end_s, end))

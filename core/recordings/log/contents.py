@@ -62,6 +62,7 @@ def read_contents(log: BinaryIO, path: Path, *, check: bool) -> LogContents:
             frames.append(part)
         else:
             gaps.append(part)
+    # The first of several: the writer repeats it against damage.
     start = next((frame for frame in frames if frame.meta["kind"] == "start"), None)
     if start is None and frames:
         raise RecordingError(

@@ -23,6 +23,7 @@ def decode_ecf(chunk: bytes) -> Columns:
     if len(data) < 12:
         raise ValueError("an ECF chunk is too short")
     header = int.from_bytes(chunk[:4], "little")
+    # Bit 0: x and p are packed; bit 1: y, x and p are (prophesee-ai/hdf5_ecf).
     count = header >> 2
     if count > 65535:
         raise ValueError(f"an ECF chunk claims {count} events, more than the format allows")
@@ -75,6 +76,7 @@ def _decode_times(data, at, t):
                 return -1
             lower = _little(data, at, 2)
             at += 2
+        # No encoder writes a count of 0, and a damaged chunk of them would not end.
         if lower == 0 or done + lower > len(t):
             return -1
         t[done : done + lower] = now

@@ -62,6 +62,7 @@ def open_es(path: Path, sensor: SensorSize | None) -> list[EventSource]:
         raise RecordingError("the file cannot be decoded", got=f"a sensor of {width}x{height}", where=path)
     stated, atis = SensorSize(width, height), kind == _ATIS
     size = sensor or stated
+    # Rows count from the bottom of the size by which they were written: the header's, if its addresses fit.
     bottom = height if size == stated or _fits(path, stated, atis) else size.height_px
 
     def decode(report: DecodeReport) -> Iterator[Columns]:

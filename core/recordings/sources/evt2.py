@@ -177,6 +177,7 @@ def decode_evt21(words, state, width, height, out):
     base_t = state[_EPOCH] + (state[_HIGH] << 6)
     events, triggers, damage = 0, 0, NO_DAMAGE
     jump_word, jump_events, jump_triggers = -_SUSPECT_WORDS, 0, 0
+    # One word holds up to 32 events.
     room, trigger_room = len(t) - 32, len(trigger_t)
     i = 0
     while i < len(words) and events <= room and triggers < trigger_room:
@@ -212,6 +213,7 @@ def decode_evt21(words, state, width, height, out):
             trigger_t[triggers], trigger_on[triggers], trigger_id[triggers] = last_t, upper & 1, (upper >> 8) & 0x1F
             triggers += 1
         i += 1
+    # A jump in time so close before damage is part of it: what came after the jump is taken back.
     if damage and i - jump_word < _SUSPECT_WORDS:
         events, triggers = jump_events, jump_triggers
     state[_LAST_T] = last_t

@@ -57,6 +57,7 @@ def open_evt4(path: Path, header: PropheseeHeader, sensor: SensorSize | None) ->
         file.seek(header.size_bytes)
         head = file.read(_HEAD_BYTES)
     words = np.frombuffer(head[: len(head) - len(head) % 4], "<u4")
+    # EVT4 has no magic number: its words are tried, as the header may lie.
     state = _start(words)
     _decode_words(words, state, Decoded.empty(32 * len(words) + 32, len(words) + 1))
     if state[RESERVED] > _MAX_RESERVED * max(1, len(words)):
@@ -99,6 +100,7 @@ def _decode(path: Path, start: int, report: DecodeReport) -> Iterator[Columns]:
                 used += last
                 report.add_triggers(out.trigger_t_us[:triggers], out.trigger_on[:triggers], out.trigger_id[:triggers])
                 yield Columns(out.t_us[:events], out.x_px[:events], out.y_px[:events], out.on[:events])
+            # A vector whose mask is in the next block is read with it.
             rest = data[4 * used :]
             report.share = (done - start) / max(1, end - start)
     note = f"{path.name}: the last {len(rest)} bytes are no whole event; the file was cut short."
@@ -138,6 +140,7 @@ def _decode_words(words, state, out):
             if value != state[HIGH] and judge_time_high(words, i, value, state[HIGH], EVT4_TIME) == IGNORE:
                 state[DAMAGED] += 1
             else:
+                # The counter has 28 bits of 64 us: it begins again after 2^34 us.
                 if state[HIGH] - value > _MASK // 2:
                     state[EPOCH] += 1 << 34
                 state[HIGH] = value

@@ -121,6 +121,7 @@ def judge_time_high(words, at, value, current, form):
     ahead = (value - current) & mask
     if ahead <= 1:
         return BELIEVE
+    # Ten minutes without an event, or half of the counter, beyond which ahead and back look alike.
     longest_pause = min(mask // 2, 600 * second)
     largest_step = longest_pause if ahead <= longest_pause else second
     last, seen, going_on, odd, i = value, 0, 0, 0, at + 1

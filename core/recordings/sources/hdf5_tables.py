@@ -237,6 +237,7 @@ def _open_mvsec(path: Path, davis: h5py.Group, sensor: SensorSize | None) -> lis
         if dataset.ndim != 2 or dataset.shape[1] != 4:
             raise RecordingError("not MVSEC events", expected="rows of 4", got=dataset.shape, where=path)
 
+        # Defaults bind what the loop changes.
         def rows(file: h5py.File, first: int, last: int, side: str = side) -> RawColumns:
             x, y, t, p = np.asarray(dataset_at(group_at(file, f"davis/{side}"), "events")[first:last]).T
             return RawColumns(t, x, y, p)

@@ -94,6 +94,7 @@ def make_table_source(
     known = [] if seen is None else [seen]
 
     def look() -> TableSummary:
+        # A pass over the whole file: once, and only when something is to be inferred.
         if not known:
             known.append(summarise_table(rows(DecodeReport())))
         return known[0]

@@ -36,6 +36,7 @@ def open_matlab(path: Path, sensor: SensorSize | None) -> list[EventSource]:
 
     try:
         variables = loadmat(str(path), simplify_cells=True)
+    # NotImplementedError: version 7.3, which is HDF5. The others are what damaged files raise.
     except (MatReadError, OSError, ValueError, TypeError, EOFError, NotImplementedError, MemoryError) as error:
         raise RecordingError("the MAT-file cannot be read", got=" ".join(str(error).split()), where=path) from error
     variables = {name: value for name, value in variables.items() if not name.startswith("__")}

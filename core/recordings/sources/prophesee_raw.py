@@ -128,6 +128,7 @@ def _decode(
         file.seek(done)
         while not stopped and (data := file.read(_BLOCK_BYTES)):
             data = over + data
+            # A lost byte would shift every word that follows.
             if kind.realigned is not None:
                 data, bytes_out = kind.realigned(data)
                 displaced += bytes_out

@@ -99,6 +99,7 @@ def read_reference(
     if T_WO is not None:
         T_OW = invert_transform(T_WO)
         frames["the calibration's frame W"] = lambda q: q @ T_OW[:3, :3].T + T_OW[:3, 3]
+    # The file does not say its frame: the one whose projection lies on the labels is taken.
     distances = {frame: _distance_px(camera, move(p), points) for frame, move in frames.items()}
     best = min(distances, key=lambda frame: distances[frame])
     if not distances[best] <= NEAR_PX:
@@ -108,6 +109,7 @@ def read_reference(
     rows = np.flatnonzero(np.isfinite(p).all(axis=1))
     t_us = t0_us + rows.astype(np.int64) * 1000 + INSTANT_US
     moved = frames[best](p[rows])
+    # A velocity turns with the frame, but does not move with its origin.
     turned = frames[best](v[rows]) - origin
     notes.append(
         f"{where} is the ground truth of the ball: the authors' frame cameras, not the events; {len(rows)} rows in "
@@ -232,6 +234,7 @@ def _camera_name(path: Path) -> str:
 
 def _open_camera(path: Path, name: str, sensor: SensorSize | None) -> EventSource:
     size, camera, remark = _calibration(path, name)
+    # A calibration is for one picture size.
     if sensor is not None and sensor != size:
         size, camera = sensor, None
     if size is None:

@@ -280,6 +280,7 @@ def _decode(path: Path, layout: _Layout, report: DecodeReport) -> Iterator[RawCo
         while lines := list(itertools.islice(file, _LINES)):
             cleaned = _cleaned(lines, layout, codes)
             table, bad = _parse(cleaned, layout.separator, width)
+            # A number that lost its last digits is still a number.
             if _is_cut_short(lines[-1], table, layout.places):
                 table = table[:-1]
             if bad and not odd:

@@ -86,7 +86,15 @@ class RacketMotion:
 def practice(
     home_m: Array, forward: Array, side: Array, cycle_s: float, rng: np.random.Generator
 ) -> list[PlayerStroke]:
-    """Strokes without a ball, every 1.1 to 2 s, ending before the cycle does."""
+    """Strokes without a ball, every 1.1 to 2 s, ending before the cycle does.
+
+    Args:
+        home_m: (3,) where the player stands, world.
+        forward: (3,) unit vector towards the table.
+        side: (3,) unit vector to the racket's side.
+        cycle_s: length of the cycle.
+        rng: source of random numbers.
+    """
     strokes, t_s = [], 0.6 + rng.uniform(0.0, 0.8)
     while t_s < cycle_s - 2.0:
         across, height = rng.uniform(-0.25, 0.35), rng.uniform(0.08, 0.40)

@@ -69,6 +69,12 @@ def draw_rally(
 ) -> tuple[ParabolicPath, list[PlayerStroke]]:
     """`STROKES` strokes, the first by the player at +x, with `config.speed_mps` along the table.
 
+    Args:
+        config: speed and where the ball goes.
+        start_s: time of the first stroke.
+        rng: source of random numbers.
+        physics: of the flight.
+
     Raises:
         ConfigError: if no such ball was found in 1,000 draws.
     """

@@ -79,6 +79,7 @@ def _draw_rod(row, sheet, edge, ambient, view):
         inner = radius - 0.5 * width
         inner2 = inner * inner if inner > 0.0 else -1.0
         cover = smooth_step_in_lanes((radius - math.sqrt(gap2 if gap2 > 0.0 else 0.0)) / width + 0.5)
+        # Selections, no branches: then the compiler works on several pixels at once.
         cover = 1.0 if gap2 <= inner2 else cover
         cover = cover if gap2 < reach * reach else 0.0
         depth2 = radius * radius - gap2
@@ -290,6 +291,7 @@ def light_among(seen, layers, pixel, view, moving):
         racket = racket_cover(moving.racket, x, y, depth_m)
         moving_m = min(racket.depth_m, moving_m) if racket.cover > 0.0 else moving_m
     before_net = layers[pixel, BEFORE_NET] == 1.0
+    # Painted from back to front: what moves is before the near body, or behind it with the net before or behind both.
     if moving_m < near_m:
         depth_m = near_m if cover >= 0.5 else depth_m
         if before_net:

@@ -27,7 +27,14 @@ PROBES: Final = 11
 def make_scene_view(
     camera: Camera, scene: SceneConfig, maps: NDArray[np.float32], parts: NDArray[np.float64] | None
 ) -> SceneView:
-    """A scene with the static picture `maps` and the parts (P, PART_COLUMNS) of its bodies, not yet drawn."""
+    """A scene with the static picture `maps` and the parts (P, PART_COLUMNS) of its bodies, not yet drawn.
+
+    Args:
+        camera: lens, pose and sensor.
+        scene: light and edges.
+        maps: (pixels, columns) the static picture.
+        parts: (P, PART_COLUMNS) of the bodies; None: there are none.
+    """
     layers = np.zeros((0 if parts is None else len(maps), 8), np.float32)
     parts = np.empty((0, PART_COLUMNS)) if parts is None else parts
     edge_per_m = scene.edge_px / math.sqrt(camera.K[0, 0] * camera.K[1, 1])

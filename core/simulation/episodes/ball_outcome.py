@@ -76,6 +76,7 @@ def impact_kind(
         centre = face_start[:3] + (face_end[:3] - face_start[:3]) * share
         normal = face_start[6:9] + (face_end[6:9] - face_start[6:9]) * share
         off = state[:3] - centre
+        # Divided by its square: an interpolated normal is shorter than 1.
         off = off - normal * (off @ normal) / (normal @ normal)
         return "hit" if off @ off <= racket_radius_m**2 else None
     return None

@@ -81,6 +81,12 @@ def sample_serves(serves: Serves, arrivals: Arrivals, t_s: Array, config: TaskCo
     """Positions (N, K, 3) of the balls at times (N, K) from launch until the racket: what a perception sees.
 
     Only legal serves have one bounce; others give the flight before and after their last one.
+
+    Args:
+        serves: N launches.
+        arrivals: of the same balls.
+        t_s: (N, K) times from the launch.
+        config: the physics.
     """
     positions = np.empty((*t_s.shape, 3))
     _sample(
@@ -127,6 +133,7 @@ def _fly_serves(
             on_own_half = on_own_half and what == contact.OWN_TOP
             s[:] = touched_state
             strike(s, _UP, _STILL, table)
+            # Exactly on the table: a rounding error below it would be another contact at once.
             s[2] = BALL_RADIUS_M
             bounces.t_s[i] = t
             bounces.states[i] = s
@@ -255,6 +262,7 @@ def draw_serves(speed_mps: float, count: int, config: TaskConfig, rng: np.random
     for _ in range(MAX_ROUNDS):
         if missing <= 0:
             break
+        # In batches, a serve at a time would be slow: more than are missing, as some are not legal.
         drawn = _draw(speed_mps, max(16, 2 * missing), config, rng)
         legal = drawn[fly_serves(drawn, config).legal][:missing]
         found.append(legal)

@@ -77,6 +77,12 @@ def trace_episode(
     The first contact after the racket is the one that `simulate_episodes` finds; after it the ball bounces on, or falls
     from the net, until it reaches the floor, comes to rest, or `duration_s` is over.
 
+    Args:
+        serves: one launch.
+        strokes: one stroke; None: no racket.
+        config: the task.
+        duration_s: longest path.
+
     Raises:
         ConfigError: if there is not exactly one serve.
     """
@@ -100,6 +106,7 @@ def trace_episode(
         t, state = nxt.t_s, nxt.state
         if nxt.kind == "hit":
             hit = None
+        # Ever shorter bounces have no end of their own.
         over = nxt.kind == "floor" or (nxt.kind == "bounce" and state[5] < SLOWEST_BOUNCE_MPS)
     end_s = t if over else duration_s
     knots_t, knots = _knots(events, end_s, air)

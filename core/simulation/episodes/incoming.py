@@ -112,6 +112,7 @@ def _fly(
                 break
             if what == contact.FAR_TOP:
                 far += 1
+                # Only a service touches the server's own half first.
                 is_service[i] = near == 0
                 if far > 1 or near > 0:
                     incoming[i] = _FAR_HALF

@@ -327,6 +327,12 @@ def simulate_episodes_mujoco(serves: Serves, strokes: Strokes, config: TaskConfi
 
     The racket coasts with the stroke's velocity, without limits. After the stroke the ball flies on through table and
     net, so that landing and height at the net are read off the same flight.
+
+    Args:
+        serves: N launches.
+        strokes: N rackets' orientations and velocities, and where they aim.
+        config: the task.
+        dt_s: step of MuJoCo.
     """
     aim_p, aim_t = strokes.aim_ps_m, strokes.aim_t_s
     if aim_p is None or aim_t is None:

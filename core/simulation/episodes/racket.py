@@ -103,6 +103,7 @@ def move_racket(
         config: its largest speed, acceleration and turn rate.
         home_q: (4,) orientation at rest, wxyz.
     """
+    # The law of motion changes at the impact: a step across it is made in two.
     if target is not None and t_s < target.t_s < t_s + h:
         at_target = move_racket(state, target, t_s, target.t_s - t_s, config, home_q)
         return move_racket(at_target, target, target.t_s, t_s + h - target.t_s, config, home_q)

@@ -59,6 +59,7 @@ class EventCamera:
             camera, scene, make_background(camera, scene), None if bodies is None else bodies.parts
         )
         self._bodies = BodyView(camera, bodies)
+        # The order of these draws is part of what a seed means.
         self._pixels = make_pixels(self._view.maps[:, LOG_LIGHT], config, rng)
         self._timing = PixelTiming(float(config.photoreceptor_us), float(config.refractory_us))
         self._hot = draw_hot_pixels(camera.sensor, config, rng)

@@ -181,6 +181,7 @@ def _light_racket(racket, count, row):
         low, high = one if one < other else other, other if one < other else one
         before, after = high if high <= t else low, low if low >= t else high
         met = before if slope > 0.0 else after
+        # The quadratic of a ray along the cone's side has one root.
         only = c / (2.0 * b) if b != 0.0 else t
         met = only if abs(a) < 1e-12 else met
         met_gap = start + slope * met

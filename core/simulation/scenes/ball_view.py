@@ -149,7 +149,14 @@ def ball_shading_rows(camera: Camera, scene: SceneConfig, states: BallStates, vi
 
 
 def ball_and_shadow_boxes(camera: Camera, scene: SceneConfig, states: BallStates, boxes: NDArray[np.int64]) -> None:
-    """Write where ball and shadow can be: `boxes` (N, 2 or more, 4), see `core.simulation.scenes.block_view`."""
+    """Write where ball and shadow can be: `boxes` (N, 2 or more, 4), see `core.simulation.scenes.block_view`.
+
+    Args:
+        camera: lens and pose.
+        scene: width of the edges.
+        states: N balls.
+        boxes: (N, 2 or more, 4) output: the ball's, the shadow's, px.
+    """
     _boxes(lens_of(camera), 0.5 * scene.edge_px, states.p_world_m, boxes)
 
 

@@ -146,6 +146,7 @@ def flicker_all_pixels(pixels, width, steps, step, timing, events):
             if start_us >= now_us:
                 continue
             since = max(int((start_us - t_us[0]) / each_us + 0.5), 0)
+            # The target holds the swing of when the pixel was last seen: the difference is added.
             goal = rows[pixel, TARGET] + swings[step] - swings[since]
             if not active[pixel]:
                 wake_pixel(pixels, pixel)
@@ -225,6 +226,7 @@ def moving_steps(
         poses, outlines = _between_probes(*probes, steps)
         rackets = racket_shading_rows(camera, racket.light, scene.edge_px, racket.path, poses)
         boxes_round(outlines, 0.5 * scene.edge_px, lens_of(camera).size_px, boxes[:, 2])
+    # There, but outside of the picture.
     if not boxes[:, :2].any() and not (looks and boxes.any()) and not least:
         return None
     return Steps(

@@ -55,7 +55,15 @@ class RacketPath(Protocol):
 
 
 def racket_shading_rows(camera: Camera, light: float, edge_px: float, path: RacketPath, poses: RacketPoses) -> Array:
-    """The racket at each time, as rows (N, RACKET_COLUMNS)."""
+    """The racket at each time, as rows (N, RACKET_COLUMNS).
+
+    Args:
+        camera: lens and pose.
+        light: of the face, as a share of white.
+        edge_px: width of the edges.
+        path: radius and thickness of the racket.
+        poses: N centres and normals, world.
+    """
     rows = np.empty((len(poses.p_world_m), RACKET_COLUMNS))
     body = light, edge_px, float(path.radius_m), float(path.thickness_m)
     _shading_rows(lens_of(camera), body, poses.p_world_m, poses.normal_world, rows)

@@ -86,6 +86,16 @@ def merge_noise(
 
     `last_event_us` is that of `PixelState` and is brought up to date. Signal events keep clear of each
     other already; here noise is kept clear of signal and the other way round.
+
+    Args:
+        signal: events of the scene, unsorted.
+        last_event_us: (pixels,) time of each pixel's last event.
+        law: rates of noise of the pixels.
+        start_us: start of the span.
+        end_us: its end.
+        refractory_us: dead time of a pixel.
+        width: of the sensor, px.
+        rng: source of random numbers.
     """
     rows = signal.rows[: signal.filled[0]]
     t, x, y, on = _merge(rows, last_event_us, law, start_us, end_us, refractory_us, width, rng)
@@ -105,6 +115,7 @@ def _merge(rows, last_event_us, law, start_us, end_us, refractory_us, width, rng
     while i < filled or j < len(noise_us):
         if j >= len(noise_us) or (i < filled and times[order[i]] <= noise_us[j]):
             found = order[i]
+            # Pixels come in random order: each would wait for memory.
             prefetch(last_event_us, np.uint32(rows[order[min(i + AHEAD, filled - 1)], EVENT_PIXEL]))
             now_us, pixel, rose = times[found], np.uint32(rows[found, EVENT_PIXEL]), rows[found, EVENT_ON] > 0.0
             i += 1

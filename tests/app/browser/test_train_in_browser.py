@@ -95,6 +95,7 @@ def test_train_now_learns_to_place_balls_before_ones_eyes(window, trainer: Train
     eventually(lambda: mode.details is not None and mode.details.returned == 100, "all balls to be read")
     assert mode.details is not None
     assert mode.details.error_mm < 150 and mode.details.evaluations[-1]["error_mm"] < 40
+    window.page.get_by_text("Learned: it returns 100 % of the balls at 5 m/s").wait_for()
     window.page.get_by_role("tab", name="Landings").click()
     window.page.get_by_text("own half").first.wait_for()
     window.screenshot("train-landings")

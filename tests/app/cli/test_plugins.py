@@ -16,6 +16,8 @@ from app.cli.main import split_plugins
 from core.config import get_setting
 from core.detection.saved import load_detector
 from core.errors import CommandError
+from core.learning import load_policy, read_run
+from core.learning.runs.training import Training
 from core.recordings import open_recording
 from core.registry import forgotten_afterwards, use_plugins
 from labels.model import Label, LabelState
@@ -164,6 +166,27 @@ def test_a_reward_trains_in_processes_and_its_settings_are_kept(plugins: Path, t
     assert "invalid choice: 'smooth'" in rallyscope("train", "--reward", "smooth", "--out", tmp_path / "b", code=2)
     assert "--plugin" in rallyscope("evaluate", tmp_path / "run", code=2)
     assert json.loads(rallyscope("evaluate", tmp_path / "run", *reward, "--json"))
+
+
+def test_an_agent_trains_goes_on_as_if_never_stopped_and_its_policy_plays_without_it(plugins: Path, tmp_path) -> None:
+    agent, run = ["--plugin", plugins / "regression_agent.py"], tmp_path / "run"
+    config = tmp_path / "config.toml"
+    config.write_text('agent = "regression"\n[exploration]\nrandom_episodes = 30\n[regression]\nridge = 2.0\n')
+    few = ["--speeds", "3,5", "--episodes", 40, "--state-source", "truth", "--replay", "retain"]
+    rallyscope("train", "--config", config, *few, *agent, "--out", run)
+    text = (run / "config.toml").read_text()
+    assert 'agent = "regression"' in text and "[regression]\ntemperature = 0.2\nridge = 2.0\n" in text
+    policy = load_policy(run)  # numbers only: nobody needs the plug-in to play it
+    assert np.isfinite(policy.act([-1.42, 0, 0.24, -5, 0, 0.9], [0.8, 0.0])).all() and policy.layers[0][0].any()
+    assert "invalid choice: 'regression'" in rallyscope("train", "--agent", "regression", "--out", run, code=2)
+    with forgotten_afterwards():
+        use_plugins([Path(str(agent[1]))])
+        whole = Training(read_run(run), 0)
+        lines = [whole.play_episode() for _ in range(80)]
+        begun = Training(read_run(run), 0)
+        assert [begun.play_episode() for _ in range(50)] == lines[:50]
+        again = Training.from_checkpoint(read_run(run), 0, *begun.to_checkpoint())
+        assert [again.play_episode() for _ in range(30)] == lines[50:]
 
 
 @pytest.mark.gate

@@ -65,6 +65,7 @@ def pictures_of(
             continue
         size = SensorSize(image.shape[1], image.shape[0])
         owner = _owner(topic.name, size, cameras)
+        # A second topic of the same size (rectified, say) is a camera of its own.
         if owner is not None and owner not in owners:
             owners.add(owner)
             found.append((owner, _track(bag, topic, None, size, stores)))

@@ -78,6 +78,8 @@ def open_bag(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     pictures = pictures_of(bag, sizes, notes)
     sources: list[EventSource] = []
     for number, (one, name) in enumerate(zip(found, names, strict=True)):
+        # What belongs to the whole bag, notes and ordinary cameras, goes with its first source, so that it comes
+        # once.
         own = [track for owner, track in pictures if owner == one.topic.name or (owner is None and not number)]
         source = _source(bag, one, name, *((tuple(notes), tuple(assumed)) if not number else ((), ())))
         sources.append(dataclasses.replace(source, calibration=calibrated.get(one.topic.name), pictures=tuple(own)))

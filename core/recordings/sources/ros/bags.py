@@ -5,6 +5,7 @@ rosbags reads the bags of ROS, mcap the MCAP files: also those that no ROS wrote
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
@@ -146,8 +147,6 @@ def _open_rosbags(path: Path, kind: str) -> Bag:
                 wanted = [one for one in reader.connections if one.topic == topic]
                 for _, time_ns, data in reader.messages(wanted):  # pyright: ignore[reportArgumentType]
                     yield time_ns, data
-            except GeneratorExit:
-                raise
             except Exception as error:  # noqa: BLE001
                 bag.notes.append(
                     f"{path.name}, {topic}: stopped: the rest of the bag cannot be read ({_reason(error)})."
@@ -174,8 +173,6 @@ def _open_cut_bag(path: Path, kind: str) -> Bag | None:
             for one in scan(path):
                 if one.topic == topic and one.data is not None:
                     yield one.time_ns, one.data
-        except GeneratorExit:
-            raise
         except Exception:  # noqa: BLE001
             pass
         _note_cut(bag)
@@ -206,6 +203,7 @@ def _open_mcap(path: Path) -> Bag:
     topics: dict[str, Topic] = {}
     for number, channel in summary.channels.items():
         schema = summary.schemas.get(channel.schema_id)
+        # Several channels may publish on one topic.
         before = topics[channel.topic].count if channel.topic in topics else 0
         topics[channel.topic] = _mcap_topic(channel, schema, before + counts.get(number, 0))
 
@@ -214,8 +212,6 @@ def _open_mcap(path: Path) -> Bag:
             try:
                 for _, _, message in make_reader(file).iter_messages(topics=[topic]):
                     yield message.log_time, message.data
-            except GeneratorExit:
-                raise
             except Exception as error:  # noqa: BLE001
                 bag.notes.append(f"{path.name}, {topic}: stopped: the rest cannot be read ({_reason(error)}).")
 
@@ -238,12 +234,8 @@ def _open_cut_mcap(path: Path) -> Bag:
                     yield message.log_time, message.data
 
     def read(bag: Bag, topic: str) -> Iterator[tuple[int, bytes]]:
-        try:
+        with contextlib.suppress(Exception):  # whatever a torn record looks like to the library
             yield from scan(topic)
-        except GeneratorExit:
-            raise
-        except Exception:  # noqa: BLE001 (whatever a torn record looks like to the library)
-            pass
         _note_cut(bag)
 
     try:

@@ -51,6 +51,7 @@ def guess_columns(sample: NDArray, *, where: str) -> TableOrder:
     for times in (_never_decreasing(values), _mostly_rising(values)):
         fits = [(t, p) for t in times for p in polarity if t != p]
         usual = [pair for pair in fits if _spelled(pair) in _USUAL]
+        # In few rows any column may ascend or have two values: only the orders that are in use count then.
         chosen = usual or (fits if len(values) >= _ENOUGH_ROWS else [])
         if chosen:
             time, p = chosen[0]

@@ -15,7 +15,7 @@ from app.modes.train.status import (
     status_html,
     time_text,
 )
-from app.modes.train.view import RunsViewer, ViewRequest
+from app.modes.train.view import Details, RunsViewer, ViewRequest
 from app.scene.prediction import CASE_NAMES
 from app.shared.trainer import Ended, RunState, Trainer, judge_run
 from app.shared.training_records import MetricsStore
@@ -29,6 +29,10 @@ from tests.app.modes.train.small_runs import small_run
 CONFIG = small_run(speeds_mps=(3.0, 5.0), episodes=(10, 20), seeds=2)
 STATUS = RunStatus("running", 1, 0, 5, 30, 0.2, 3.0, 100.0)
 STATE = RunState("mine", CONFIG, "running", STATUS, None, 0.0)
+DETAILS = Details(  # its pictures are not asked for
+    charts=None, counts={}, plan_png=b"", offsets_png=b"", spots=(), recent=(), evaluations=(), returned=96.0,
+    error_mm=80.0, episodes_done=30, seed=0,
+)  # type: ignore[arg-type]  # fmt: skip
 DEAD_PID = 2**22 + 1
 """Larger than any process number."""
 
@@ -40,6 +44,18 @@ def test_before_the_first_training_a_newcomer_is_told_what_to_do() -> None:
 
 def test_a_plan_is_said_in_one_line() -> None:
     assert plan_text(STATE) == "landing-model, cdta reward, 10 at 3 m/s, 20 at 5 m/s, 2 seeds"
+
+
+def test_a_finished_run_sums_up_what_was_learned(tmp_path: Path) -> None:
+    line = {"episode": 30, "speed_mps": 5.0, "returned": 0.996, "error_mm": 21.6}
+    details = dataclasses.replace(DETAILS, evaluations=(line,), episodes_done=30)
+    running = status_html(STATE, details, None)
+    assert "policy after 30: 100 % returned, 22 mm from the target" in running and "Learned" not in running
+    done = dataclasses.replace(STATE, phase="finished")
+    learned = "Learned: it returns 100 % of the balls at 5 m/s, 22 mm from the target, after 30 balls."
+    assert learned in status_html(done, details, None)
+    nothing = dataclasses.replace(details, evaluations=({**line, "error_mm": None},))
+    assert "Learned" not in status_html(done, nothing, None)
 
 
 def test_a_failure_is_shown_with_its_reason_and_never_as_markup() -> None:

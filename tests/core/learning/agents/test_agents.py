@@ -8,7 +8,6 @@ import pytest
 
 from core.learning.agents.policy import read_policy, save_policy
 from core.learning.config import (
-    AgentName,
     CurriculumConfig,
     DdpgConfig,
     EnvironmentConfig,
@@ -18,6 +17,7 @@ from core.learning.config import (
     default_run,
 )
 from core.learning.evaluation.policy_evaluator import PolicyEvaluator
+from core.learning.registered_agents import AgentName
 from core.learning.runs.training import Training
 from core.learning.task.environment import evaluation_balls
 

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.learning.config import AgentName, CurriculumConfig, EnvironmentConfig, RewardConfig, RunConfig, Sb3Config
+from core.learning.config import CurriculumConfig, EnvironmentConfig, RewardConfig, RunConfig, Sb3Config
+from core.learning.registered_agents import AgentName
 from core.learning.runs.run_files import create_run, load_policy, read_lines, seed_files
 from core.learning.runs.running import run_training
 from core.learning.runs.sb3_baselines import Sb3Environment, extract_policy, make_model
