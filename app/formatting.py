@@ -14,7 +14,7 @@ from typing import Final
 
 from core.errors import RallyscopeError
 from core.recordings.import_facts import IMPORTED_FROM, ImportFacts, SourceFacts
-from core.recordings.sources.source import Whence
+from core.recordings.sources.source import FactOrigin
 from core.text import LONGEST, plain
 
 UNITS = {"us": "µs", "ms": "ms", "px": "px", "hz": "Hz", "s": "s", "rad": "rad", "mps": "m/s", "m": "m", "deg": "°"}
@@ -144,13 +144,13 @@ def tooltip(word: str) -> str:
 
 Row = tuple[str, str]
 _WHENCE: Final[Mapping[str, str]] = {
-    Whence.FORMAT: "as the format defines",
-    Whence.FILE: "from the file",
-    Whence.OPTION: "as given",
-    Whence.CALIBRATION: "from the calibration beside it",
-    Whence.CAMERA: "of the camera that the file names",
-    Whence.DATA_SET: "assumed, of this data set",
-    Whence.ASSUMED: "assumed",
+    FactOrigin.FORMAT: "as the format defines",
+    FactOrigin.FILE: "from the file",
+    FactOrigin.OPTION: "as given",
+    FactOrigin.CALIBRATION: "from the calibration beside it",
+    FactOrigin.CAMERA: "of the camera that the file names",
+    FactOrigin.DATA_SET: "assumed, of this data set",
+    FactOrigin.ASSUMED: "assumed",
 }
 
 

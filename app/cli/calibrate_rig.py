@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass
@@ -14,19 +13,16 @@ from numpy.typing import NDArray
 
 from app.cli.arguments import Names, Numbers, PositiveInt, flag, positional, setting_flag
 from app.cli.calibrate_intrinsics import check_destinations
-from app.cli.calibrate_stereo import detect_tracks, lenses_of, named_paths, read_lens, read_scale, rig_svg
+from app.cli.calibrate_stereo import SCALE_FORM, detect_tracks, lenses_of, named_paths, read_lens, read_scale
 from app.cli.detector_arguments import MethodArguments
-from app.cli.files import write_text
 from app.cli.progress import progress_bar
-from app.cli.terminal import format_table, json_ready, say
-from core.cameras import Camera, save_calibration
+from app.cli.rig_output import write_rig
+from core.cameras import Camera
 from core.cameras.calibration import Board, find_board
 from core.cameras.calibration.board import KINDS, BoardKind
 from core.cameras.calibration.body_tracks import BodyTracks, body_tracks, read_points_table
-from core.cameras.calibration.bundle import UNKNOWNS
 from core.cameras.calibration.point_track import PointTrack, read_point_track
 from core.cameras.calibration.rig import RigConfig, calibrate_rig
-from core.cameras.calibration.rig_result import RigCalibration, RigCamera
 from core.cameras.calibration.scale import Scale
 from core.cameras.calibration.table_corners import CORNERS, read_clicks
 from core.errors import CommandError
@@ -38,7 +34,6 @@ DETECTING = 0.6
 """Share of the time that finding the points takes."""
 PICTURE_US = 1_000_000
 """Apart are the pictures of a board: nothing moves between them."""
-SCALE_FORM = "baseline=METRES|wand=METRES|gravity|table"
 NamedFiles = Annotated[dict[str, Path], named_paths]
 
 
@@ -101,12 +96,7 @@ def run(arguments: RigArguments) -> None:
             config=config,
             progress=lambda share: progress(DETECTING + (1 - DETECTING) * share),
         )
-    save_calibration(arguments.out, found.cameras)
-    if arguments.report is not None:
-        write_text(arguments.report, rig_svg(found, arguments.out.name))
-    rows = [_row(name, one) for name, one in found.reports.items()]
-    report = json_ready(_report(found, rows, arguments.out))
-    say(json.dumps(report) if arguments.json else _describe(found, rows, arguments.out))
+    write_rig(found, arguments.out, arguments.report, as_json=arguments.json)
 
 
 def _body(arguments: RigArguments) -> tuple[NDArray[np.float64], Scale | None]:
@@ -207,77 +197,3 @@ def _tracks(
     middle = float(np.median(np.concatenate(list(given.values())))) if any(map(len, given.values())) else 1.0
     relative = {name: sigma / middle for name, sigma in given.items()}
     return body_tracks({name: seen[name] for name in names}, body_m, relative)
-
-
-def _row(name: str, one: RigCamera) -> dict[str, object]:
-    errors = one.errors_px
-    return {
-        "camera": name,
-        "points": len(errors),
-        "left_out": one.left_out,
-        "median_px": float(np.median(errors)) if len(errors) else float("nan"),
-        "p95_px": float(np.percentile(errors, 95)) if len(errors) else float("nan"),
-        "clock_ahead_us": round(one.offset_us, 1),
-        "sigma_clock_us": round(one.sigma_offset_us, 1),
-        "drift_ppm": round(one.drift_ppm, 2),
-        "sigma_drift_ppm": round(one.sigmas.get("drift_ppm", 0.0), 2),
-        "sigma_position_mm": 1e3 * one.sigma_position_m,
-        "sigma_rotation_deg": float(np.degrees(one.sigma_rotation_rad)),
-    }
-
-
-def _lengths(found: RigCalibration) -> dict[str, dict[str, float]]:
-    return {
-        name: {
-            "median_m": float(np.median(values)),
-            "spread_percent": 100 * float(np.std(values) / np.mean(values)),
-            "count": float(len(values)),
-        }
-        for name, values in found.lengths_m.items()
-        if len(values)
-    }
-
-
-def _report(found: RigCalibration, rows: list[dict[str, object]], out: Path) -> dict[str, object]:
-    names = list(found.reports)
-    return {
-        "cameras": rows,
-        "offset_us": {name: -round(one.offset_us) for name, one in found.reports.items()},
-        "sigma_px": found.sigma_px,
-        "lead_px": found.lead_px,
-        "sigma_lead_px": found.sigma_lead_px,
-        "instants": len(found.t_us),
-        "wand": _lengths(found),
-        "shared": {a: {b: int(found.shared[i, k]) for k, b in enumerate(names) if k != i} for i, a in enumerate(names)},
-        "scale": found.scale.origin,
-        "sigma_scale": found.sigma_scale,
-        "frame": found.frame,
-        "click_rms_px": found.click_rms_px,
-        "T_world_camera": {name: camera.T_world_camera.tolist() for name, camera in found.cameras.items()},
-        "K": {name: camera.K.tolist() for name, camera in found.cameras.items()},
-        "parameters": [*(f"{name}.{key}" for name in names for key in UNKNOWNS), "lead_px"],
-        "sigmas": {name: one.sigmas for name, one in found.reports.items()},
-        "covariance": found.covariance.tolist(),
-        "notes": list(found.notes),
-        "out": str(out),
-    }
-
-
-def _describe(found: RigCalibration, rows: list[dict[str, object]], out: Path) -> str:
-    lines = [
-        f"{out}: {len(rows)} cameras from {len(found.t_us)} instants, {found.sigma_px:.3f} px each way",
-        format_table(rows),
-        f"scale from {found.scale.origin}, known to {100 * found.sigma_scale:.2f} %",
-        f"world: {found.frame}",
-    ]
-    lines += [
-        f"markers {name}: {1e3 * one['median_m']:.1f} mm, spread {one['spread_percent']:.2f} % over {one['count']:.0f}"
-        for name, one in _lengths(found).items()
-    ]
-    if found.sigma_lead_px > 0:
-        lines.append(f"detections run {found.lead_px:.2f} +- {found.sigma_lead_px:.2f} px ahead of the ball: taken off")
-    if found.click_rms_px is not None:
-        lines.append(f"clicked corners: rms {found.click_rms_px:.2f} px")
-    offsets = [str(-round(one.offset_us)) for one in found.reports.values()]
-    lines.append(f"clocks: `import --offset-us {','.join(offsets)}`")
-    return "\n".join([*lines, *found.notes])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import re
 from collections.abc import Callable
 from contextlib import closing
@@ -17,16 +16,13 @@ from app.cli.arguments import PositiveInt, flag, positional, setting_flag
 from app.cli.calibrate_intrinsics import check_destinations
 from app.cli.cameras import noted_calibration
 from app.cli.detector_arguments import MethodArguments
-from app.cli.files import write_text
 from app.cli.progress import progress_bar
-from app.cli.terminal import format_table, say
-from core.cameras import Camera, save_calibration
+from app.cli.rig_output import write_rig
+from core.cameras import Camera
 from core.cameras.calibration.body_tracks import body_tracks
 from core.cameras.calibration.free_fall import REAL_DRAG_PER_M
 from core.cameras.calibration.point_track import PointTrack, read_point_track
-from core.cameras.calibration.residual_picture import ResidualPanel, residual_svg
 from core.cameras.calibration.rig import RigConfig, calibrate_rig
-from core.cameras.calibration.rig_result import RigCalibration, RigCamera
 from core.cameras.calibration.scale import KINDS, Scale
 from core.cameras.calibration.table_corners import CORNERS, read_clicks
 from core.cameras.units import FARTHEST_M, NEAREST_M, likely_unit
@@ -102,21 +98,7 @@ def run(arguments: StereoArguments) -> None:
             config=config,
             progress=lambda share: progress(DETECTING + (1 - DETECTING) * share),
         )
-    save_calibration(arguments.out, found.cameras)
-    if arguments.report is not None:
-        write_text(arguments.report, rig_svg(found, arguments.out.name))
-    rows = [_row(name, one) for name, one in found.reports.items()]
-    say(json.dumps(_report(found, rows, arguments.out)) if arguments.json else _describe(found, rows, arguments.out))
-
-
-def rig_svg(found: RigCalibration, title: str) -> str:
-    """The reprojection errors of all cameras as a picture."""
-    panels = []
-    for name, one in found.reports.items():
-        seen = np.isfinite(one.residuals_px[..., 0])
-        panels.append(ResidualPanel(name, one.camera.sensor, one.uvs_px[seen], one.residuals_px[seen], one.used[seen]))
-    views = ", what two views can see of it" if len(found.reports) == 2 else ""
-    return residual_svg(f"{title}: seen minus projected{views}", panels)
+    write_rig(found, arguments.out, arguments.report, as_json=arguments.json)
 
 
 def read_scale(text: str | None, corners: bool, physics: str) -> Scale:
@@ -196,56 +178,3 @@ def read_lens(name: str, path: Path) -> Camera:
 def lenses_of(recording: Recording) -> dict[str, Camera]:
     """The calibrated cameras of a recording."""
     return {name: stream.calibration for name, stream in recording.cameras.items() if stream.calibration is not None}
-
-
-def _row(name: str, one: RigCamera) -> dict[str, object]:
-    sizes = one.errors_px
-    return {
-        "camera": name,
-        "points": len(sizes),
-        "left_out": one.left_out,
-        "rms_px": float(np.sqrt((sizes**2).mean())),
-        "median_px": float(np.median(sizes)),
-        "p95_px": float(np.percentile(sizes, 95)),
-        "clock_ahead_us": round(one.offset_us, 1),
-        "sigma_clock_us": round(one.sigma_offset_us, 1),
-        "sigma_position_mm": 1e3 * one.sigma_position_m,
-        "sigma_rotation_deg": float(np.degrees(one.sigma_rotation_rad)),
-    }
-
-
-def _report(found: RigCalibration, rows: list[dict[str, object]], out: Path) -> dict[str, object]:
-    return {
-        "cameras": rows,
-        "offset_us": {name: -round(one.offset_us) for name, one in found.reports.items()},
-        "sigma_px": found.sigma_px,
-        "lead_px": found.lead_px,
-        "sigma_lead_px": found.sigma_lead_px,
-        "baseline_m": found.baseline_m,
-        "sigma_baseline_m": found.sigma_baseline_m,
-        "scale": found.scale.origin,
-        "frame": found.frame,
-        "click_rms_px": found.click_rms_px,
-        "T_world_camera": {name: camera.T_world_camera.tolist() for name, camera in found.cameras.items()},
-        "notes": list(found.notes),
-        "out": str(out),
-    }
-
-
-def _describe(found: RigCalibration, rows: list[dict[str, object]], out: Path) -> str:
-    lines = [
-        f"{out}: {int(found.used.sum())} of {len(found.used)} common sightings, {found.sigma_px:.3f} px each way",
-        format_table(rows),
-        f"baseline {found.baseline_m:.4f} +- {found.sigma_baseline_m:.4f} m, scale from {found.scale.origin}",
-        f"world: {found.frame}",
-    ]
-    if found.sigma_lead_px > 0:
-        lines.append(f"detections run {found.lead_px:.2f} +- {found.sigma_lead_px:.2f} px ahead of the ball: taken off")
-    if found.click_rms_px is not None:
-        lines.append(f"clicked corners: rms {found.click_rms_px:.2f} px")
-    lines += [
-        f"{name}'s clock: add {-round(one.offset_us)} us to its times (`import --offset-us {-round(one.offset_us)}`)"
-        for name, one in found.reports.items()
-        if one.sigma_offset_us > 0
-    ]
-    return "\n".join([*lines, *found.notes])

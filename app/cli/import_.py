@@ -26,7 +26,7 @@ from core.recordings.import_feeds import ImportOrder
 from core.recordings.importing import ImportSummary, check_import, import_recording
 from core.recordings.opening import is_recording
 from core.recordings.sources.readers import event_files
-from core.recordings.sources.source import Stated, parse_polarity
+from core.recordings.sources.source import ImportOptions, parse_polarity
 
 
 def _polarities(text: str) -> dict[str, bool]:
@@ -119,7 +119,7 @@ def _order(arguments: ImportArguments, sources: Sequence[Path]) -> ImportOrder:
         calibration={} if calibration is None else calibration.cameras,
         offset_us=_one_or_all(arguments.offset_us),
         clock=[read_clock_table(path) for path in arguments.clock or ()],
-        stated=Stated(arguments.time_unit, arguments.polarity),
+        options=ImportOptions(arguments.time_unit, arguments.polarity),
         frames=_frames(arguments.frames, arguments.frame_times, arguments.exposure_us),
         remarks=() if calibration is None else calibration.notes,
     )

@@ -24,7 +24,7 @@ from core.foreign_tables import UNITS_US
 from core.recordings import Recording, knows_ball
 from core.recordings.import_facts import IMPORTED_FROM, ImportFacts
 from core.recordings.sources.kinds import kind_of
-from core.recordings.sources.source import Stated, parse_polarity
+from core.recordings.sources.source import ImportOptions, parse_polarity
 
 logger = logging.getLogger(__name__)
 
@@ -113,7 +113,7 @@ def choices_from(fields: Mapping[str, str]) -> OpeningChoices:
     except RallyscopeError as error:
         raise CommandError(str(error), where="Width and Height") from error
     try:
-        return OpeningChoices(sensor, Stated(time_unit, parse_polarity(polarity) if polarity else None))
+        return OpeningChoices(sensor, ImportOptions(time_unit, parse_polarity(polarity) if polarity else None))
     except RallyscopeError as error:
         raise CommandError(str(error), where="Polarity") from error
 

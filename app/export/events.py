@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.export.selection import Span
+from app.export.task import ExportTask
 from app.export.unfinished import Cancelled, Progress, check_cancelled, unfinished_folder
 from core.errors import CommandError
 from core.events import Events
@@ -60,30 +61,19 @@ EXTRA_GROUPS: Final = {"/racket": "t_us", "/racket_targets": "t_us", "/predictio
 """Groups of the chain and the names of their time columns."""
 
 
-def export_csv(
-    recording: Recording,
-    folder: Path,
-    span: Span,
-    *,
-    groups: Callable[[str], Rows | None] = lambda group: None,
-    overwrite: bool = False,
-    progress: Progress = lambda share: None,
-    cancelled: Cancelled = lambda: False,
-) -> tuple[Path, ...]:
+def export_csv(task: ExportTask) -> tuple[Path, ...]:
     """Write `<camera>.csv` (t_us,x_px,y_px,on) for every camera, and a table for each other group that there is.
 
-    Times are the recording's. `groups` reads its groups, such as "/racket".
-
-    Raises:
-        CommandError: if a file exists or cannot be written.
-        ExportCancelledError: if `cancelled()` is true; nothing is written then.
+    Times are the recording's.
     """
+    recording, span, folder = task.recording, task.span, task.path
     cameras = check_cameras(recording)
-    tables = _tables(cameras, span, groups)
+    tables = _tables(cameras, span, task.groups)
     names = [f"{name}.csv" for name in [*cameras, *tables]]
-    with unfinished_folder(folder, names, overwrite=overwrite) as unfinished:
+    with unfinished_folder(folder, names, overwrite=task.order.overwrite) as unfinished:
         for number, name in enumerate(cameras):
-            slices = event_slices(recording.cameras[name], span, share_of(number, len(cameras), progress), cancelled)
+            progress = share_of(number, len(cameras), task.progress)
+            slices = event_slices(recording.cameras[name], span, progress, task.cancelled)
             parts = (
                 {
                     "t_us": one.t_us + span.start_us,
@@ -149,24 +139,15 @@ CHUNK_EVENTS: Final = 1 << 16
 COLUMNS: Final = {"x": np.uint16, "y": np.uint16, "p": np.uint8, "t": np.uint32}
 
 
-def export_dsec(
-    recording: Recording,
-    folder: Path,
-    span: Span,
-    *,
-    overwrite: bool = False,
-    progress: Progress = lambda share: None,
-    cancelled: Cancelled = lambda: False,
-) -> tuple[Path, ...]:
+def export_dsec(task: ExportTask) -> tuple[Path, ...]:
     """Write `<camera>.h5` for every camera. t counts from the span's start, t_offset is where that is.
 
     Raises:
-        CommandError: if a file exists, cannot be written, or the span is too long for 32 bits.
-        ExportCancelledError: if `cancelled()` is true; nothing is written then.
+        CommandError: if the span is too long for 32 bits.
     """
-    if span.length_us >= 2**32:
+    if task.span.length_us >= 2**32:
         raise CommandError("too long for DSEC's 32-bit times", expected="under 71 minutes", remedy="give --end-us")
-    return _write_cameras(recording, folder, ".h5", _write_dsec, span, overwrite, progress, cancelled)
+    return _write_cameras(task, ".h5", _write_dsec)
 
 
 def _write_dsec(stream: CameraStream, path: Path, span: Span, progress: Progress, cancelled: Cancelled) -> None:
@@ -193,26 +174,22 @@ def _write_dsec(stream: CameraStream, path: Path, span: Span, progress: Progress
         file["t_offset"] = np.int64(span.start_us)
 
 
-def export_evt3(
-    recording: Recording,
-    folder: Path,
-    span: Span,
-    *,
-    overwrite: bool = False,
-    progress: Progress = lambda share: None,
-    cancelled: Cancelled = lambda: False,
-) -> tuple[Path, ...]:
+def export_evt3(task: ExportTask) -> tuple[Path, ...]:
     """Write `<camera>.raw` for every camera; times count from the span's start.
 
     Raises:
-        CommandError: if a file exists, cannot be written, or a sensor is too large.
-        ExportCancelledError: if `cancelled()` is true; nothing is written then.
+        CommandError: if a sensor is too large.
     """
+    check_evt3_sensors(task.recording)
+    return _write_cameras(task, ".raw", _write_evt3)
+
+
+def check_evt3_sensors(recording: Recording) -> None:
+    """Raise CommandError where the recording has no camera, or one that is too large for EVT3."""
     for name in check_cameras(recording):
         sensor = recording.cameras[name].sensor
         if max(sensor.width_px, sensor.height_px) > LARGEST_PX:
             raise CommandError("too large a sensor for EVT3", expected=f"up to {LARGEST_PX}", got=sensor, where=name)
-    return _write_cameras(recording, folder, ".raw", _write_evt3, span, overwrite, progress, cancelled)
 
 
 def _write_evt3(stream: CameraStream, path: Path, span: Span, progress: Progress, cancelled: Cancelled) -> None:
@@ -224,19 +201,12 @@ def _write_evt3(stream: CameraStream, path: Path, span: Span, progress: Progress
 
 
 def _write_cameras(
-    recording: Recording,
-    folder: Path,
-    ending: str,
-    write: Callable[[CameraStream, Path, Span, Progress, Cancelled], None],
-    span: Span,
-    overwrite: bool,
-    progress: Progress,
-    cancelled: Cancelled,
+    task: ExportTask, ending: str, write: Callable[[CameraStream, Path, Span, Progress, Cancelled], None]
 ) -> tuple[Path, ...]:
     """Write a file for every camera, named after it; none of them appears before all are written."""
-    names = check_cameras(recording)
-    with unfinished_folder(folder, [f"{name}{ending}" for name in names], overwrite=overwrite) as unfinished:
+    names, folder = check_cameras(task.recording), task.path
+    with unfinished_folder(folder, [f"{name}{ending}" for name in names], overwrite=task.order.overwrite) as unfinished:
         for number, name in enumerate(names):
-            share = share_of(number, len(names), progress)
-            write(recording.cameras[name], unfinished / f"{name}{ending}", span, share, cancelled)
+            share = share_of(number, len(names), task.progress)
+            write(task.recording.cameras[name], unfinished / f"{name}{ending}", task.span, share, task.cancelled)
     return tuple(folder / f"{name}{ending}" for name in names)

@@ -3,73 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final
 
-from app.export.selection import DEFAULT_STRIDE_US, Span, span_of
+from app.export.selection import Span, span_of
+from app.export.task import ExportRequest, ExportTask, RunTask
 from app.export.unfinished import Cancelled, Progress
-from core.chain import ChainConfig
 from core.errors import CommandError, PluginError
 from core.extras import require_package
 from core.recordings import Recording
 from core.recordings.layout import Rows
 from core.registry import Registry
 from labels.arrays import LabelArrays
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExportRequest:
-    """A requested export."""
-
-    format: str
-    destination: Path
-    start_us: int | None = None
-    end_us: int | None = None
-    stride_us: int | None = None
-    """Time between two pictures; None: the format's default."""
-    pictures: bool = True
-    stages: bool = True
-    plots: bool = True
-    chain: ChainConfig = field(default_factory=ChainConfig)
-    overwrite: bool = False
-    seed: int | None = None
-    """Seed of a run whose actor or film is exported; None: its first."""
-    policy: Literal["last", "best"] = "last"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ExportTask:
-    """Export of a recording, with everything it needs."""
-
-    order: ExportRequest
-    recording: Recording
-    span: Span
-    groups: Callable[[str], Rows | None]
-    """Rows of a group of the recording's file, such as `predictions`; None if it has none."""
-    labels: Mapping[str, LabelArrays]
-    progress: Progress
-    cancelled: Cancelled
-
-    @property
-    def path(self) -> Path:
-        """Where the result goes."""
-        return self.order.destination
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RunTask:
-    """Export of a training run, with everything it needs."""
-
-    order: ExportRequest
-    run: Path
-    progress: Progress
-    cancelled: Cancelled
-
-    @property
-    def path(self) -> Path:
-        """Where the result goes."""
-        return self.order.destination
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,100 +160,58 @@ def _first_event_us(recording: Recording, span: Span) -> int | None:
 
 def _rrd(task: ExportTask) -> tuple[Path, ...]:
     require_package("rerun", "a Rerun recording")
-    from app.export.rrd.recording import RrdContents, export_rrd
+    from app.export.rrd.recording import export_rrd
 
-    order = task.order
-    contents = RrdContents(
-        chain=order.chain,
-        stride_us=order.stride_us or DEFAULT_STRIDE_US,
-        pictures=order.pictures,
-        stages=order.stages,
-        plots=order.plots,
-        labels=task.labels,
-    )
-    made = export_rrd(
-        task.recording, task.path, task.span, contents, groups=task.groups, overwrite=order.overwrite,
-        progress=task.progress, cancelled=task.cancelled,
-    )  # fmt: skip
-    return (made,)
+    return export_rrd(task)
 
 
 def _csv(task: ExportTask) -> tuple[Path, ...]:
     require_package("pyarrow", "an export of tables")
     from app.export.events import export_csv
 
-    return export_csv(
-        task.recording, task.path, task.span, groups=task.groups, overwrite=task.order.overwrite,
-        progress=task.progress, cancelled=task.cancelled,
-    )  # fmt: skip
+    return export_csv(task)
 
 
 def _dsec(task: ExportTask) -> tuple[Path, ...]:
     from app.export.events import export_dsec
 
-    return export_dsec(
-        task.recording, task.path, task.span, overwrite=task.order.overwrite, progress=task.progress,
-        cancelled=task.cancelled,
-    )  # fmt: skip
+    return export_dsec(task)
 
 
 def _evt3(task: ExportTask) -> tuple[Path, ...]:
     from app.export.events import export_evt3
 
-    return export_evt3(
-        task.recording, task.path, task.span, overwrite=task.order.overwrite, progress=task.progress,
-        cancelled=task.cancelled,
-    )  # fmt: skip
+    return export_evt3(task)
 
 
 def _mcap(task: ExportTask) -> tuple[Path, ...]:
     from app.export.ros.recording import export_mcap
 
-    made = export_mcap(
-        task.recording, task.path, task.span, task.order.chain, stride_us=task.order.stride_us or DEFAULT_STRIDE_US,
-        groups=task.groups, overwrite=task.order.overwrite, progress=task.progress, cancelled=task.cancelled,
-    )  # fmt: skip
-    return (made,)
+    return export_mcap(task)
 
 
 def _rosbag(task: ExportTask) -> tuple[Path, ...]:
     from app.export.ros.recording import export_rosbag
 
-    return export_rosbag(
-        task.recording, task.path, task.span, overwrite=task.order.overwrite, progress=task.progress,
-        cancelled=task.cancelled,
-    )  # fmt: skip
+    return export_rosbag(task)
 
 
 def _film(task: ExportTask) -> tuple[Path, ...]:
-    from app.export.scenes.drawn_picture import STRIDE_US, export_mp4
+    from app.export.scenes.drawn_picture import export_mp4
 
-    made = export_mp4(
-        task.recording, task.path, task.span, task.order.chain, stride_us=task.order.stride_us or STRIDE_US,
-        groups=task.groups, overwrite=task.order.overwrite, progress=task.progress, cancelled=task.cancelled,
-    )  # fmt: skip
-    return (made,)
+    return export_mp4(task)
 
 
 def _still(task: ExportTask) -> tuple[Path, ...]:
     from app.export.scenes.drawn_picture import export_png
 
-    made = export_png(
-        task.recording, task.path, task.span, task.order.chain, groups=task.groups, overwrite=task.order.overwrite,
-        progress=task.progress, cancelled=task.cancelled,
-    )  # fmt: skip
-    return (made,)
+    return export_png(task)
 
 
 def _scene(task: ExportTask) -> tuple[Path, ...]:
-    from app.export.scenes.scene_file import STRIDE_US, export_scene
+    from app.export.scenes.scene_file import export_scene
 
-    made = export_scene(
-        task.recording, task.path, task.span, task.order.chain, as_html=task.order.format == "html",
-        stride_us=task.order.stride_us or STRIDE_US, groups=task.groups, overwrite=task.order.overwrite,
-        progress=task.progress, cancelled=task.cancelled,
-    )  # fmt: skip
-    return (made,)
+    return export_scene(task)
 
 
 def _actor_of_run(task: RunTask) -> tuple[Path, ...]:
@@ -315,29 +219,20 @@ def _actor_of_run(task: RunTask) -> tuple[Path, ...]:
         from app.export.onnx_actor import export_actor
     except ImportError as error:
         raise CommandError("an ONNX file needs onnx", remedy="pip install 'rallyscope[onnx]'") from error
-    order = task.order
-    made = export_actor(task.run, task.path, seed=order.seed, which=order.policy, overwrite=order.overwrite)
-    return (made,)
+    return export_actor(task)
 
 
 def _film_of_run(task: RunTask) -> tuple[Path, ...]:
     from app.export.scenes.training_film import export_training_film
 
-    made = export_training_film(
-        task.run, task.path, seed=task.order.seed, overwrite=task.order.overwrite, progress=task.progress,
-        cancelled=task.cancelled,
-    )  # fmt: skip
-    return (made,)
+    return export_training_film(task)
 
 
 def _rrd_of_run(task: RunTask) -> tuple[Path, ...]:
     require_package("rerun", "a Rerun recording")
     from app.export.rrd.run import export_run
 
-    made = export_run(
-        task.run, task.path, overwrite=task.order.overwrite, progress=task.progress, cancelled=task.cancelled
-    )
-    return (made,)
+    return export_run(task)
 
 
 register_exporter(

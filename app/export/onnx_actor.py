@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 from onnx import ModelProto, NodeProto, TensorProto, checker, helper, numpy_helper
 
+from app.export.task import RunTask
 from app.export.unfinished import unfinished_file
 from core.errors import CommandError
 from core.learning.agents.policy import Policy
@@ -25,25 +26,23 @@ GOAL: Final = "(N, 2) where it is to land in the plane of the table, world frame
 ANGLES: Final = "(N, 3) turns of the racket in rad about its own x, then y, then z, after the base orientation"
 
 
-def export_actor(
-    run: Path, path: Path, *, seed: int | None = None, which: Literal["last", "best"] = "last", overwrite: bool = False
-) -> Path:
+def export_actor(task: RunTask) -> tuple[Path, ...]:
     """Write the actor of a seed of a run (its first by default).
 
     Raises:
         ConfigError: if the folder holds no run, or no policy.
-        CommandError: if the policy needs more than state and goal, or the file cannot be written.
+        CommandError: if the policy needs more than state and goal.
     """
-    config, policy = read_run(run), load_policy(run, seed, which)
+    config, policy = read_run(task.run), load_policy(task.run, task.order.seed, task.order.policy)
     if policy.sees_racket_speed or policy.chooses_speed:
         raise CommandError(
             "not an actor of state and goal alone", expected="any agent but the landing model", got=config.agent
         )
     if policy.state != "plain":
         raise CommandError("an actor of states with spin", expected="one of p_c and v_c", got=policy.state)
-    with unfinished_file(path, overwrite=overwrite) as unfinished:
+    with unfinished_file(task.path, overwrite=task.order.overwrite) as unfinished:
         unfinished.write_bytes(actor_model(policy, config).SerializeToString())
-    return path
+    return (task.path,)
 
 
 def actor_model(policy: Policy, config: RunConfig) -> ModelProto:

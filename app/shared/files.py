@@ -27,7 +27,7 @@ from core.recordings.log.growing import is_growing
 from core.recordings.opening import is_recording
 from core.recordings.sources import open_sources
 from core.recordings.sources.kinds import kind_of
-from core.recordings.sources.source import Stated
+from core.recordings.sources.source import ImportOptions
 
 
 def incoming_folder(workspace: Workspace) -> Path:
@@ -49,11 +49,11 @@ class OpeningChoices:
 
     sensor: SensorSize | None = None
     """Sensor of every camera in the file."""
-    stated: Stated = field(default_factory=Stated)
+    options: ImportOptions = field(default_factory=ImportOptions)
 
     def order(self, path: Path) -> ImportOrder:
         """The import of a file, as the person says."""
-        return ImportOrder([path], sensor=self.sensor, stated=self.stated)
+        return ImportOrder([path], sensor=self.sensor, options=self.options)
 
 
 AS_THE_FILE_SAYS: Final = OpeningChoices()

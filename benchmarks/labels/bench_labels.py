@@ -35,6 +35,13 @@ KILLS = 300
 SHARED_KILLS = 20
 MANY = 200_000
 ANNOTATORS = 8
+STORED = (0, 20_000, 200_000)
+"""Labels that a store has already when a write is timed."""
+OPERATIONS = 10_000
+"""That are undone and redone."""
+SNAPS = 300
+RALLIES, DRAWS = 12, 9
+"""Of each kind, with labels that were shifted."""
 SEED = 20260
 
 
@@ -64,7 +71,7 @@ def _durability(folder: Path, rng: np.random.Generator) -> list[Row]:
         goal_row(f"unreadable stores in {KILLS} kills", sum(not result.readable for result in results), 0, ""),
         goal_row("stores that could not go on", sum(not result.resumed for result in results), 0, ""),
     ]
-    for already in (0, 20_000, 200_000):
+    for already in STORED:
         ms = 1e3 * write_seconds(folder, 500, already=already)
         rows.append(goal_row(f"durable write p50 at {already} labels", float(np.median(ms)), 5, "ms"))
         rows.append(goal_row(f"durable write p99 at {already} labels", float(np.percentile(ms, 99)), 10, "ms"))
@@ -107,15 +114,15 @@ def _scale(folder: Path, rng: np.random.Generator) -> list[Row]:
 
 
 def _undo(folder: Path, rng: np.random.Generator) -> list[Row]:
-    left, redone = undo_everything(folder, 10_000, rng)
+    left, redone = undo_everything(folder, OPERATIONS, rng)
     return [
-        goal_row("labels left after undoing 10000 operations", left, 0, ""),
+        goal_row(f"labels left after undoing {OPERATIONS} operations", left, 0, ""),
         goal_row("redoing them all leads back", float(redone), 1, "", least=True),
     ]
 
 
 def _snapping(folder: Path, rng: np.random.Generator) -> list[Row]:
-    trial = try_snap(300, rng)
+    trial = try_snap(SNAPS, rng)
     found = np.isfinite(trial.error_px)
     error = trial.error_px[found]
     note = "0-20 m/s, radius 3-15 px, 5 % noise, clicks 1.5 px off"
@@ -169,7 +176,7 @@ def _queue(folder: Path, rng: np.random.Generator) -> list[Row]:
 
 
 def _shifts(folder: Path, rng: np.random.Generator) -> list[Row]:
-    trial = try_shifts(folder, rng, rallies=12, draws=9)
+    trial = try_shifts(folder, rng, rallies=RALLIES, draws=DRAWS)
     worst = f"worst {trial.errors_us.max():.0f} us, {trial.errors_px.max():.2f} px"
     what = f"shifts of labels found within {NEAR_US / 1e3:g} ms and {NEAR_PX:g} px, of {trial.shifted}"
     return [

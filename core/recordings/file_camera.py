@@ -25,10 +25,10 @@ from core.recordings.hdf5 import (
     check_stored,
     dataset_at,
     group_at,
+    hdf5_errors,
     names_in,
     read_only,
     read_whole,
-    telling,
     whole_number,
 )
 from core.recordings.ms_index import MAX_TIME_US, index_agrees, index_of
@@ -92,7 +92,7 @@ class EventBlocks:
         return last_us if 0 <= last_us < MAX_TIME_US else None
 
     def _times(self, start: int) -> NDArray[np.int64]:
-        with telling(f"the recording is closed or damaged at event {start:,}", self._where):
+        with hdf5_errors(f"the recording is closed or damaged at event {start:,}", self._where):
             t_us = self._columns[0].read(start, min(CHUNK_EVENTS, self.event_count - start))
             if t_us.dtype.kind == "u" and len(t_us) and int(t_us.max()) >= MAX_TIME_US:
                 raise ValueError(f"a time of {t_us.max()} us")
@@ -169,7 +169,7 @@ class _Column:
             raise RecordingError(f"event column {name} has absurd chunks", got=dataset.chunks, where=where)
         self.dataset = dataset
         self._dtype = dtype
-        with telling(f"event column {name} cannot be read", where):
+        with hdf5_errors(f"event column {name} cannot be read", where):
             self._shuffled = bool(dataset.shuffle)
             self._is_ours = (
                 dataset.dtype == dtype

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from core.errors import RecordingError
 from core.events import CameraFrame, Events, SensorSize, Window
-from core.recordings.hdf5 import dataset_at, place_of, read_only, read_whole, telling
+from core.recordings.hdf5 import dataset_at, hdf5_errors, place_of, read_only, read_whole
 
 LARGEST_SIDE_PX: Final = 16_384
 LARGEST_US: Final = 2 * 24 * 3600 * 1_000_000
@@ -59,7 +59,7 @@ class FrameStream:
         Raises:
             RecordingError: if it is damaged, or the recording closed.
         """
-        with telling(f"picture {number} cannot be read", self._where):
+        with hdf5_errors(f"picture {number} cannot be read", self._where):
             return read_only(self._images[number])
 
     def frame(self, number: int) -> CameraFrame:

@@ -35,7 +35,7 @@ LARGEST_RATIO: Final = 1100
 
 
 @contextmanager
-def telling(what: str, where: object) -> Iterator[None]:
+def hdf5_errors(what: str, where: object) -> Iterator[None]:
     """Turn what h5py raises in a block into a RecordingError."""
     try:
         yield
@@ -70,7 +70,7 @@ def dataset_at(parent: h5py.Group, name: str) -> h5py.Dataset:
     item = _item_at(parent, name, MAX_LINKS)
     if not isinstance(item, h5py.Dataset):
         raise RecordingError(f"dataset {name} is missing", where=place_of(parent))
-    with telling(f"dataset {name} cannot be read", place_of(parent)):
+    with hdf5_errors(f"dataset {name} cannot be read", place_of(parent)):
         elsewhere = bool(item.is_virtual or item.external)
     if elsewhere:
         raise RecordingError(f"dataset {name} lies in another file", where=place_of(parent))
@@ -97,7 +97,7 @@ def names_in(group: h5py.Group) -> list[str]:
     Raises:
         RecordingError: if it cannot be read.
     """
-    with telling("the group cannot be read", place_of(group)):
+    with hdf5_errors("the group cannot be read", place_of(group)):
         return [str(name) for name in group]
 
 
@@ -107,7 +107,7 @@ def has_attribute(item: h5py.Group, name: str) -> bool:
     Raises:
         RecordingError: if the attributes cannot be read.
     """
-    with telling("attributes cannot be read", place_of(item)):
+    with hdf5_errors("attributes cannot be read", place_of(item)):
         return name in item.attrs
 
 
@@ -117,7 +117,7 @@ def attribute(item: h5py.Group | h5py.Dataset, name: str) -> Any:
     Raises:
         RecordingError: if there is none.
     """
-    with telling(f"attribute {name} cannot be read", place_of(item)):
+    with hdf5_errors(f"attribute {name} cannot be read", place_of(item)):
         if name in item.attrs:
             return item.attrs[name]
     raise RecordingError(f"attribute {name} is missing", where=place_of(item))
@@ -154,7 +154,7 @@ def check_stored(dataset: h5py.Dataset) -> None:
     Raises:
         RecordingError: if they are more than what is stored can hold.
     """
-    with telling("the column cannot be read", place_of(dataset)):
+    with hdf5_errors("the column cannot be read", place_of(dataset)):
         size, stored = int(dataset.nbytes), int(dataset.id.get_storage_size())
     if size > LARGEST_RATIO * stored + 4096:
         expected, got = f"{size} bytes", f"{stored} stored"
@@ -170,7 +170,7 @@ def read_whole(dataset: h5py.Dataset) -> NDArray:
     check_stored(dataset)
     if dataset.nbytes > LARGEST_BYTES:
         raise RecordingError("the column is too large", got=f"{dataset.nbytes} bytes", where=place_of(dataset))
-    with telling("the column cannot be read", place_of(dataset)):
+    with hdf5_errors("the column cannot be read", place_of(dataset)):
         return read_only(np.asarray(dataset[()]))
 
 
@@ -206,7 +206,7 @@ class DamageNotes:
 
 def _item_at(parent: h5py.Group, path: str, links: int) -> object:
     """What lies there, by way of soft links at most: a link to another file is never followed. None if nothing does."""
-    with telling(f"{path} cannot be read", place_of(parent)):
+    with hdf5_errors(f"{path} cannot be read", place_of(parent)):
         here: object = parent.file["/"] if path.startswith("/") else parent
         for part in filter(None, path.split("/")):
             link = here.get(part, getlink=True) if isinstance(here, h5py.Group) else None

@@ -13,7 +13,7 @@ from core.recordings.sources.source import (
     TIME_UNIT,
     DecodeReport,
     EventSource,
-    Whence,
+    FactOrigin,
 )
 from core.text import encodable
 
@@ -36,7 +36,7 @@ class EventCounts:
 
 @dataclass(frozen=True, slots=True)
 class SourceFacts:
-    """One camera of an event file. What each fact is from is a `Whence`, as text."""
+    """One camera of an event file. What each fact is from is a `FactOrigin`, as text."""
 
     name: str
     file: str
@@ -97,7 +97,7 @@ def source_facts(
     *,
     name: str,
     file: str,
-    calibration_from: Whence | None,
+    calibration_from: FactOrigin | None,
 ) -> SourceFacts:
     """The facts of one camera, from what its source stated and what was found on reading it."""
     found = {TIME_UNIT: MICROSECONDS, POLARITY: POLARITY_BIT, **source.facts, **report.facts}
@@ -110,9 +110,9 @@ def source_facts(
         height_px=source.sensor.height_px,
         sensor_from=str(source.sensor_from),
         time_unit=time_unit.value,
-        time_unit_from=str(time_unit.whence),
+        time_unit_from=str(time_unit.origin),
         polarity=polarity.value if counts.events else "no events",
-        polarity_from=str(polarity.whence),
+        polarity_from=str(polarity.origin),
         events=counts.events,
         on_events=counts.on,
         off_events=counts.events - counts.on,
@@ -129,13 +129,13 @@ def source_facts(
 
 def unused_options(source: EventSource, report: DecodeReport) -> Sequence[str]:
     """What was stated of a file that says it itself: one note for each option that had no effect."""
-    stated = {
-        "--time-unit": (TIME_UNIT, report.stated.time_unit is not None),
-        "--polarity": (POLARITY, report.stated.polarity is not None),
+    given_options = {
+        "--time-unit": (TIME_UNIT, report.options.time_unit is not None),
+        "--polarity": (POLARITY, report.options.polarity is not None),
     }
     facts = {**source.facts, **report.facts}
     return [
         f"{option} was not used: {source.format} defines its {name}."
-        for option, (name, given) in stated.items()
-        if given and name in facts and facts[name].whence != Whence.OPTION
+        for option, (name, given) in given_options.items()
+        if given and name in facts and facts[name].origin != FactOrigin.OPTION
     ]

@@ -26,7 +26,7 @@ from core.recordings.import_facts import EventCounts
 from core.recordings.recording import Triggers
 from core.recordings.sources import EventSource, open_sources
 from core.recordings.sources.folders import camera_names
-from core.recordings.sources.source import DecodeReport, PictureTrack, Stated
+from core.recordings.sources.source import DecodeReport, ImportOptions, PictureTrack
 
 _NAMESPACE: Final = uuid.UUID("9b1d7f5e-6a43-4d0e-9f0b-3f5d4f1f6c11")
 _SAMPLES: Final = 64
@@ -77,7 +77,7 @@ class ImportOrder:
     """
     clock: Sequence[ClockTable] = ()
     """Where that difference changes: a table for each source after the first, or one for all of them."""
-    stated: Stated = field(default_factory=Stated)
+    options: ImportOptions = field(default_factory=ImportOptions)
     frames: FrameInput | None = None
     """Pictures of an ordinary camera beside the events."""
     remarks: Sequence[str] = ()
@@ -86,8 +86,10 @@ class ImportOrder:
     def uuid(self, cameras: Sequence[str]) -> str:
         """Identity of the recording that is made of it; `cameras` are its names."""
         sensor = ",".join(map(str, self.sensor)) if isinstance(self.sensor, Sequence) else str(self.sensor)
-        stated = "" if self.stated == Stated() else repr(self.stated)
-        details = sensor + "".join(one.digest for one in self.clock) + stated
+        given = self.options
+        # the text that earlier versions hashed: a recording that is imported again keeps its labels
+        options = f"Stated(time_unit={given.time_unit!r}, polarity={given.polarity!r})"
+        details = sensor + "".join(one.digest for one in self.clock) + ("" if given == ImportOptions() else options)
         offset = self.offset_us
         if not isinstance(offset, int):  # `0,N` of a pair is N
             offset = offset[1] if len(offset) == 2 and not offset[0] else tuple(offset)
@@ -210,7 +212,7 @@ def open_feeds(order: ImportOrder) -> list[Feed]:
     return [
         Feed(
             name, source, offsets_us[place], weights[place] / max(1, sum(weights)), paths[number].name, clocks[number],
-            DecodeReport(stated=order.stated),
+            DecodeReport(options=order.options),
         )
         for place, (name, (number, source)) in enumerate(zip(names, opened, strict=True))
     ]  # fmt: skip

@@ -22,7 +22,7 @@ from core.recordings.import_facts import ImportFacts, SourceFacts, source_facts,
 from core.recordings.import_feeds import Feed, ImportOrder, common_zero_us, merged, open_feeds
 from core.recordings.recording import Triggers
 from core.recordings.sources.piped_sources import files_of_pipes
-from core.recordings.sources.source import Whence
+from core.recordings.sources.source import FactOrigin
 from core.recordings.truth import BallTruth
 from core.recordings.writer import RecordingWriter
 from core.text import encodable
@@ -83,10 +83,10 @@ class _Plan:
 
     def _camera(self, feed: Feed) -> SourceFacts:
         known = feed.name in self.calibration
-        whence = Whence.OPTION if feed.name in self.given else Whence.FILE
+        origin = FactOrigin.OPTION if feed.name in self.given else FactOrigin.FILE
         return source_facts(
             feed.source, feed.report, feed.counts,
-            name=feed.name, file=feed.file, calibration_from=whence if known else None,
+            name=feed.name, file=feed.file, calibration_from=origin if known else None,
         )  # fmt: skip
 
     def _notes(self) -> tuple[str, ...]:
@@ -310,7 +310,7 @@ def _reference(plan: _Plan) -> Iterator[tuple[str, BallTruth]]:
 def _refuse_assumed_sizes(feeds: list[Feed]) -> None:
     """A calibration and pictures hang on the size of the sensor: there it is not guessed."""
     for feed in feeds:
-        if feed.source.sensor_from == Whence.ASSUMED:
+        if feed.source.sensor_from == FactOrigin.ASSUMED:
             raise RecordingError(
                 f"camera {feed.name}: the file does not name its sensor size, and a calibration or pictures hang on it",
                 got=f"{feed.source.sensor}, assumed from the events",

@@ -24,10 +24,10 @@ from core.recordings.hdf5 import (
     group_at,
     has_attribute,
     has_item,
+    hdf5_errors,
     kind_at,
     names_in,
     place_of,
-    telling,
     text_of,
     whole_number,
 )
@@ -241,7 +241,7 @@ def _parse_config(text: str) -> dict[str, object]:
 
 def _find_groups(group: h5py.Group, path: str, found: list[str], seen: set[object]) -> None:
     """Groups of columns below one, but for those of cameras; every group once, though links may make a circle."""
-    with telling("a group cannot be read", place_of(group)):
+    with hdf5_errors("a group cannot be read", place_of(group)):
         if group.id in seen or len(seen) > MAX_GROUPS:
             return
         seen.add(group.id)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from core.config import check_settings, setting
 from core.events import Events
-from labels.assist.snap_kernel import UNKNOWNS, Cloud, edge_points, fit_circle
+from labels.assist.snap_kernel import Cloud, edge_points, fit_edges
 
 Array = NDArray[np.float64]
 
@@ -206,13 +206,14 @@ def _slope(t: Array, s: Array) -> float:
 
 
 def _fit_circle(cloud: Cloud, rows: NDArray[np.intp], leading: int, start: Array, on_leads: bool) -> _Fit | None:
-    values, normal, weight = np.empty(UNKNOWNS), np.empty((UNKNOWNS, UNKNOWNS)), np.empty(len(rows))
-    spread = fit_circle(cloud.t_ms, cloud.x, cloud.y, rows, start, values, normal, weight)
+    values, covariance, weight = start.copy(), np.empty((len(start), len(start))), np.empty(len(rows))
+    spread = fit_edges(cloud, rows, values, covariance, weight)
     if not np.isfinite(spread):
         return None
     sides = min(weight[:leading].sum(), weight[leading:].sum()) / max(0.5 * weight.sum(), 1e-9)
-    covariance = np.linalg.inv(normal) * max(spread, 0.1) ** 2
-    return _Fit(values, covariance, spread, len(rows), float(weight.mean()), float(sides), on_leads)
+    return _Fit(
+        values, covariance * max(spread, 0.1) ** 2, spread, len(rows), float(weight.mean()), float(sides), on_leads
+    )
 
 
 def _is_sane(values: Array, reach_px: float) -> bool:

@@ -8,17 +8,17 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from core.detection.refined.circle_fit import factorise, solve
+from core.detection.refined.circle_fit import UNKNOWNS, EdgePoints, Fit, factorise, fit_circle, solve
 from core.jit import njit
 
 Array = NDArray[np.float64]
-UNKNOWNS: Final = 5
-ITERATIONS: Final = 8
-"""Three bring the scale of the weights down from 3 px to `SHARPNESS_PX`, the others settle."""
-SHARPNESS_PX: Final = 0.45
-"""Scale of the Cauchy weight: the spread of good edge points on simulated balls."""
+SCALES_PX: Final = (3.0, 1.5, 0.75, 0.45)
+"""Scales of the Cauchy weight, one after the other: a first guess is pixels off, and a narrow weight would leave out
+the arc that it misses. The last is the spread of good edge points on simulated balls."""
+ITERATIONS: Final = 5
+"""Steps at most with the last scale; each other scale has one."""
 PRIOR: Final = 1e-4
-"""Added to the normal matrix, which stays regular where the points leave an unknown open."""
+"""Information that keeps the fit regular where the points leave something open."""
 GUARD: Final = 1.5
 """Half windows before and after the window in which a pixel must have been quiet."""
 
@@ -91,66 +91,44 @@ def _within(found: NDArray[np.intp], t_ms: Array, half_ms: float, rows: NDArray[
 
 
 @njit
-def fit_circle(
-    t_ms: Array, x: Array, y: Array, rows: NDArray[np.intp], start: Array, values: Array, normal: Array, weight: Array
-) -> float:
-    """Gauss-Newton on the distances from a moving circle, with Cauchy weights: the weighted spread of the distances.
+def fit_edges(cloud: Cloud, rows: NDArray[np.intp], values: Array, covariance: Array, weight: Array) -> float:
+    """The moving circle through the edge points: the spread of their distances from it, px, infinite if there is none.
 
-    `rows` (N,) of the events it goes through; `values` (5,) x, y, their velocities and the radius, from `start` on,
-    `normal` (5, 5) and `weight` (N,) of the last round are filled. nan where the points do not say which circle.
+    The fit is the one of the detector `refined`, without its stretch: the delay of the sensor is a setting here.
 
     Args:
-        t_ms: (M,) times of all events relative to the instant.
-        x: (M,) their columns.
-        y: (M,) their rows.
+        cloud: events with times (ms) and places (px) relative to the click.
         rows: (N,) the events that the circle goes through.
-        start: (5,) first guess.
-        values: (5,) output: centre, velocity (px, px/ms), radius.
-        normal: (5, 5) output: normal matrix of the last round.
+        values: (5,) centre, velocity (px, px/ms) and radius: first guess and result.
+        covariance: (5, 5) output: of the values, for points with an error of 1 px.
         weight: (N,) output: weights of the last round.
     """
-    values[:] = start
-    gradient, step, row = np.empty(UNKNOWNS), np.empty(UNKNOWNS), np.empty(UNKNOWNS)
-    factor = np.empty((UNKNOWNS, UNKNOWNS))
-    squares = weights = 0.0
-    for iteration in range(ITERATIONS):
-        # From 3 px down, halved in each round: first near the rim at all, then without outliers.
-        scale = max(SHARPNESS_PX, 3.0 * 0.5**iteration)
-        normal[:] = 0.0
-        gradient[:] = 0.0
-        squares = weights = 0.0
-        for k in range(len(rows)):
-            t = t_ms[rows[k]]
-            dx, dy = x[rows[k]] - values[2] * t - values[0], y[rows[k]] - values[3] * t - values[1]
-            distance = max(math.hypot(dx, dy), 1e-6)
-            residual = distance - values[4]
-            scaled = residual / scale
-            weight[k] = 1.0 / (1.0 + scaled * scaled)
-            row[0], row[1] = -dx / distance, -dy / distance
-            row[2], row[3] = row[0] * t, row[1] * t
-            row[4] = -1.0
-            for i in range(UNKNOWNS):
-                gradient[i] -= weight[k] * row[i] * residual
-                for j in range(i + 1):
-                    normal[i, j] += weight[k] * row[i] * row[j]
-            squares += weight[k] * residual * residual
-            weights += weight[k]
-        for i in range(UNKNOWNS):
-            normal[i, i] += PRIOR
-            for j in range(i):
-                normal[j, i] = normal[i, j]
-        if not factorise(normal, factor):
-            return np.nan
-        solve(factor, gradient, step)
-        for i in range(UNKNOWNS):
-            # A longer step leaves what the linear model and the band are good for.
-            values[i] += min(max(step[i], -5.0), 5.0)
-    return math.sqrt(squares / max(weights, 1e-9))
+    u, v, ms = cloud.x[rows], cloud.y[rows], cloud.t_ms[rows]
+    points = EdgePoints(u, v, ms, np.ones(len(rows)), np.ones(len(rows)), weight)
+    estimate, information = np.zeros(UNKNOWNS), np.full(UNKNOWNS, PRIOR)
+    estimate[:-1] = values
+    information[-1] = 1e12
+    fit = Fit(estimate, estimate.copy(), information, np.zeros(2), np.empty((UNKNOWNS, UNKNOWNS)))
+    spread = np.inf
+    for number, scale_px in enumerate(SCALES_PX):
+        steps = ITERATIONS if number == len(SCALES_PX) - 1 else 1
+        spread = fit_circle(points, len(rows), fit, 1.0, scale_px, steps)
+        if not spread < np.inf:
+            return spread
+    values[:] = estimate[:-1]
+    factor, unit, column = np.empty((UNKNOWNS, UNKNOWNS)), np.zeros(UNKNOWNS), np.empty(UNKNOWNS)
+    factorise(fit.normal, factor)
+    for i in range(UNKNOWNS - 1):
+        unit[:] = 0.0
+        unit[i] = 1.0
+        solve(factor, unit, column)
+        covariance[i] = column[:-1]
+    return spread
 
 
 def load_snap() -> None:
     """Load the compiled code, or compile it the first time, so that no click waits for it."""
-    t_ms, pixel, values = np.zeros(1), np.zeros(1, np.intp), np.zeros(UNKNOWNS)
+    t_ms, pixel, values = np.zeros(1), np.zeros(1, np.intp), np.zeros(UNKNOWNS - 1)
     cloud = Cloud(t_ms, t_ms, t_ms, np.ones(1, np.bool_), pixel, pixel.copy(), pixel.copy())
     edge_points(cloud, values, True, 1.0, 1.0)
-    fit_circle(t_ms, t_ms, t_ms, pixel, values, values.copy(), np.empty((UNKNOWNS, UNKNOWNS)), np.empty(1))
+    fit_edges(cloud, pixel, values, np.empty((UNKNOWNS - 1, UNKNOWNS - 1)), np.empty(1))

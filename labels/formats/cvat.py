@@ -36,7 +36,7 @@ from labels.formats.labelled_pictures import (
     DrawnShape,
     Picture,
     Place,
-    Stated,
+    StatedSize,
     add_pictures,
     parse_files,
     scaling_of,
@@ -290,7 +290,7 @@ def _frames_of(tracks: list[XmlNode]) -> set[int]:
     return {int(text) for text in texts if text.isdecimal() and len(text) < 12}
 
 
-def _stated_size(root: XmlNode) -> Stated:
+def _stated_size(root: XmlNode) -> StatedSize:
     """The size of the video, as <meta><task><original_size> (or <job>) says it."""
     meta = root.child("meta")
     for owner in () if meta is None else (*meta.children, meta):

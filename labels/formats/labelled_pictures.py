@@ -20,7 +20,7 @@ from labels.model import Label
 
 SAME_SHAPE: Final = 0.02
 """Pictures whose ratio of sides differs by no more are of one shape."""
-Stated = tuple[object, object]
+StatedSize = tuple[object, object]
 """Width and height as a file states them: of any types, perhaps missing."""
 
 
@@ -41,8 +41,8 @@ class Picture:
     line: int
     names: tuple[str, ...]
     """What it is called, and what else tells which it is; empty for one whose place nobody asks for."""
-    size: Stated = (None, None)
-    sizes: Sequence[Stated] = ()
+    size: StatedSize = (None, None)
+    sizes: Sequence[StatedSize] = ()
     """Where each shape states the size of its picture instead."""
     index: Callable[[], int | None] = lambda: None
     """The tool's own number of it; raises LabelError if it is none."""
@@ -141,7 +141,7 @@ def stated_size(width: object, height: object) -> tuple[float, float] | None:
     return size
 
 
-def scaling_of(sizes: Iterable[Stated], context: ImportContext, collector: Collector) -> PictureScaling:
+def scaling_of(sizes: Iterable[StatedSize], context: ImportContext, collector: Collector) -> PictureScaling:
     """How pictures of the stated sizes become the sensor's; an impossible size is reported with its picture."""
     stated: set[tuple[float, float]] = set()
     for pair in sizes:

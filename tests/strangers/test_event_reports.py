@@ -21,7 +21,7 @@ from core.errors import RallyscopeError
 from core.events import SensorSize
 from core.recordings import ImportOrder, import_recording, open_recording
 from core.recordings.importing import ImportSummary
-from core.recordings.sources.source import Stated
+from core.recordings.sources.source import ImportOptions
 from tests.strangers import event_files as make
 
 VGA = make.draw_rows(640, 480)
@@ -39,7 +39,7 @@ DAT2 = b"% Data file containing CD events.\n% Version 2\n% Width 640\n% Height 4
 DAT2_TURNED = b"% Data file containing CD events.\n% Version 2\n% Width 480\n% Height 640\n"
 pytestmark = pytest.mark.usefixtures("data_set_readers")
 EPOCH_US = 1_600_000_000_000_000
-UNSTATED = Stated()
+UNSTATED = ImportOptions()
 UPSIDE = np.where(VGA.p, 1, -1)
 FULL = VGA.with_row(0, int(VGA.t[0]), 639, 479, 1)
 """With the last pixel of the sensor."""
@@ -139,7 +139,7 @@ class Case:
     """Part of a note, or of the refusal."""
     sensor: str = "640x480"
     given: SensorSize | None = None
-    stated: Stated = UNSTATED
+    options: ImportOptions = UNSTATED
     within_us: int = 0
     needs_size: bool = True
     """Whether the size is given if the format cannot state it."""
@@ -298,8 +298,8 @@ CASES = [
          lambda p: make.hdf5(p, group("events/", columns(VGA)), time_unit="ticks"), rows=None,
          said="another unit of time.*'ticks'.*--time-unit"),
     Case("own variation", "such a unit, and what it is",
-         lambda p: make.hdf5(p, group("events/", columns(VGA)), time_unit="ticks"), stated=Stated(time_unit="us"),
-         said="though it says ticks"),
+         lambda p: make.hdf5(p, group("events/", columns(VGA)), time_unit="ticks"),
+         options=ImportOptions(time_unit="us"), said="though it says ticks"),
     Case("LAL/trackml-library#10", "an archive of a text",
          lambda p: zipped(p, "events.txt", b"0.1 3 4 1\n"), rows=None, said="without NumPy arrays; got events.txt"),
     Case("own variation", "np.savez that was interrupted",
@@ -381,7 +381,7 @@ CASES = [
          rows=None, said="got brighter, darker; give --polarity"),
     Case("microsoft/AirSim#3202", "the same with the words stated",
          lambda p: make.text(p, VGA._replace(p=np.where(VGA.p, "brighter", "darker")), "{t},{x},{y},{p}", "t,x,y,p"),
-         stated=Stated(polarity={"brighter": True, "Darker": False})),
+         options=ImportOptions(polarity={"brighter": True, "Darker": False})),
     Case("SensorsINI/v2e#47", "text whose -1 wrapped to 18446744073709551615",
          lambda p: make.text(p, VGA._replace(p=UPSIDE.astype(np.uint64)), "{t},{x},{y},{p}", "t_us,x,y,p"),
          said="18446744073709551616 = OFF"),
@@ -392,7 +392,7 @@ CASES = [
          lambda p: make.text(p, VGA._replace(t=VGA.t / 1000), "{t:.3f} {x} {y} {p}"), rows=None,
          said="as seconds the file would be implausibly long.*give --time-unit ms"),
     Case("TimoStoff/events_contrast_maximization#12", "the same with the unit stated",
-         lambda p: make.text(p, VGA._replace(t=VGA.t / 1000), "{t:.3f} {x} {y} {p}"), stated=Stated("ms")),
+         lambda p: make.text(p, VGA._replace(t=VGA.t / 1000), "{t:.3f} {x} {y} {p}"), options=ImportOptions("ms")),
     # HDF5
     Case("DachunKai/EvTexture#12", "events/{ps, ts, xs, ys}: bool, float64, int16",
          lambda p: make.hdf5(p, {f"events/{k}s": v for k, v in columns(VGA, t=VGA.t / 1e6, p=VGA.p == 1).items()},
@@ -411,7 +411,7 @@ CASES = [
          lambda p: m3ed(p, VGA.p, 1000), said="nanoseconds by their index"),
     Case("SonyResearch/ace_perception_physics (format)", "polarities 1 and 2, stated",
          lambda p: make.hdf5(p, {**group("events/", columns(VGA, p=2 - VGA.p)), "t0": np.array([77])}),
-         given=SensorSize(640, 480), stated=Stated(polarity={"1": True, "2": False})),
+         given=SensorSize(640, 480), options=ImportOptions(polarity={"1": True, "2": False})),
     Case("tallamjr/evlib#57", "Metavision records with -1 that wrapped to 65535",
          lambda p: make.hdf5(p, {"CD/events": records(VGA._replace(p=UPSIDE)).astype(
              [("x", "<u2"), ("y", "<u2"), ("p", "<u2"), ("t", "<i8")])}, geometry=np.bytes_(b"640x480")),
@@ -477,7 +477,7 @@ CASES = [
          lambda p: make.npz(p, **columns(VGA, p=VGA.p.astype(str)), width=640, height=480)),
     Case("own variation", "an array of (N, 4) of text, with words for the polarities that --polarity explains",
          lambda p: make.npy(p, np.stack([*map(np.char.mod, ["%d"] * 3, VGA[:3]), np.where(VGA.p, "rise", "fall")], 1)),
-         stated=Stated(polarity={"rise": True, "fall": False}), said="taken for t, x, y, p"),
+         options=ImportOptions(polarity={"rise": True, "fall": False}), said="taken for t, x, y, p"),
     Case("better-flow/evimo#32", "one time that is no number",
          lambda p: make.npz(p, **columns(VGA, t=np.where(VGA.t == VGA.t[900], np.nan, VGA.t / 1e6)),
                             width=640, height=480),
@@ -500,13 +500,13 @@ def test_a_file_of_a_report_is_read_right_or_refused(case, tmp_path):
     path, out = case.write(tmp_path / f"events{case.suffix}"), tmp_path / "out.h5"
     if case.rows is None:
         with pytest.raises(RallyscopeError) as refused:
-            import_file([path], out, sensor=case.given, stated=case.stated)
+            import_file([path], out, sensor=case.given, options=case.options)
         assert re.search(case.said, str(refused.value)), str(refused.value)
         assert "\n" not in str(refused.value) and not out.exists()
         return
     sensor = case.given or SensorSize(*map(int, case.sensor.split("x")))
     needs_size = case.needs_size and path.read_bytes()[:1] not in (b"%", b"#", b"E") and case.sensor == "640x480"
-    summary = import_file([path], out, sensor=sensor if needs_size else case.given, stated=case.stated)
+    summary = import_file([path], out, sensor=sensor if needs_size else case.given, options=case.options)
     assert case.said in (notes := " | ".join(summary.notes)) or re.search(case.said, notes), notes
     with open_recording(out) as recording:
         for stream in recording.cameras.values():

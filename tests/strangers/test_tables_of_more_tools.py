@@ -17,7 +17,7 @@ import pytest
 from core.errors import RecordingError
 from core.events import SensorSize
 from core.recordings import ImportOrder, import_recording, open_recording
-from core.recordings.sources.source import Stated
+from core.recordings.sources.source import ImportOptions
 from tests.strangers import event_files as make
 
 VGA = make.draw_rows(640, 480, count=600)
@@ -68,46 +68,46 @@ def records_beside_others(path: Path) -> Path:
     return make.npz(path, ev=records, evs_norm=np.zeros((3, 3)), ev_loc=np.zeros((3, 3)))
 
 
-READ: dict[str, tuple[Write, Stated]] = {
+READ: dict[str, tuple[Write, ImportOptions]] = {
     # A column without a name, or two, that count the rows: was right.
-    f"{GITHUB}/pandas-dev/pandas/issues/10646": (lambda p: make.write(p, FRAME.to_csv().encode()), Stated()),
-    f"{GITHUB}/pandas-dev/pandas/issues/13017": (indexed_twice, Stated()),
+    f"{GITHUB}/pandas-dev/pandas/issues/10646": (lambda p: make.write(p, FRAME.to_csv().encode()), ImportOptions()),
+    f"{GITHUB}/pandas-dev/pandas/issues/13017": (indexed_twice, ImportOptions()),
     # Some times with an exponent: was right.
     f"{GITHUB}/pandas-dev/pandas/issues/2697": (
         lines(lambda t, x, y, p: f"{t if t % 7 else format(float(t), '.6E')},{x},{y},{p}"),
-        Stated(),
+        ImportOptions(),
     ),
     # A comma at the end of each line: was right.
-    f"{GITHUB}/pandas-dev/pandas/issues/27515": (lines(lambda t, x, y, p: f"{t},{x},{y},{p},"), Stated()),
+    f"{GITHUB}/pandas-dev/pandas/issues/27515": (lines(lambda t, x, y, p: f"{t},{x},{y},{p},"), ImportOptions()),
     # Dates, some without a fraction (whole seconds), with a zone or without: were refused, "not events".
-    f"{GITHUB}/pandas-dev/pandas/issues/62111": (dated("2025-08-14 12:34:56", "UTC"), Stated()),
-    f"{GITHUB}/Eventual-Inc/Daft/issues/5045": (dated("2024-01-01 23:59:59.75"), Stated()),
-    f"{GITHUB}/NVIDIA/cudf/issues/6227": (dated("1970-01-01"), Stated()),
+    f"{GITHUB}/pandas-dev/pandas/issues/62111": (dated("2025-08-14 12:34:56", "UTC"), ImportOptions()),
+    f"{GITHUB}/Eventual-Inc/Daft/issues/5045": (dated("2024-01-01 23:59:59.75"), ImportOptions()),
+    f"{GITHUB}/NVIDIA/cudf/issues/6227": (dated("1970-01-01"), ImportOptions()),
     "own variation: a clock that is put back by an hour, and words": (
         dated("2025-10-26 00:59:59.8", "Europe/Berlin", "on"),
-        Stated(),
+        ImportOptions(),
     ),
     "own variation: ISO 8601, no names": (
         lines(lambda t, x, y, p: f"{np.datetime64('2024-01-01T00:00:00', 'us') + t}Z,{x},{y},{p}", "# events"),
-        Stated(),
+        ImportOptions(),
     ),
     # Thousands parted by commas: was read as a decimal comma, times a thousand times too short, and refused for that.
-    f"{GITHUB}/pandas-dev/pandas/pull/65397": (lines(lambda t, x, y, p: f'"{t:,}",{x},{y},{p}'), Stated()),
+    f"{GITHUB}/pandas-dev/pandas/pull/65397": (lines(lambda t, x, y, p: f'"{t:,}",{x},{y},{p}'), ImportOptions()),
     "own variation: a decimal comma": (
         lines(lambda t, x, y, p: f'"{t / 1000:.3f}",{x},{y},{p}'.replace(".", ","), "t_ms,x,y,p"),
-        Stated(),
+        ImportOptions(),
     ),
     # Records beside other arrays, in ms, which are said to be us: was refused, "no column for t".
-    f"{GITHUB}/ChenYichen9527/EV-UAV/issues/19": (records_beside_others, Stated(time_unit="ms")),
+    f"{GITHUB}/ChenYichen9527/EV-UAV/issues/19": (records_beside_others, ImportOptions(time_unit="ms")),
     # The newest event first: was right.
     f"{GITHUB}/EventVisionLibrary/evl/issues/27": (
         lambda p: make.text(p, make.Rows(*(column[::-1] for column in VGA)), "{t},{x},{y},{p}", "t,x,y,p"),
-        Stated(),
+        ImportOptions(),
     ),
     # Seconds with more digits than a clock has: was right.
     f"{GITHUB}/neuromorphs/tonic/issues/210": (
         lines(lambda t, x, y, p: f"{t / 1e6:.6f}00000001,{x},{y},{p}"),
-        Stated(),
+        ImportOptions(),
     ),
 }
 
@@ -134,10 +134,10 @@ REFUSED: dict[str, tuple[Write, str]] = {
 
 @pytest.mark.parametrize("report", READ)
 def test_a_table_that_others_misread_is_read(report: str, tmp_path: Path) -> None:
-    write, stated = READ[report]
+    write, options = READ[report]
     path = write(tmp_path / "events.bin")
     assert (
-        import_recording(ImportOrder([path], sensor=SensorSize(640, 480), stated=stated), tmp_path / "out.h5")
+        import_recording(ImportOrder([path], sensor=SensorSize(640, 480), options=options), tmp_path / "out.h5")
         is not None
     )
     with open_recording(tmp_path / "out.h5") as recording:

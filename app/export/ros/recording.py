@@ -9,7 +9,7 @@ drawings /ball_marker and /table.
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from operator import itemgetter
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -17,18 +17,18 @@ from typing import Final, NamedTuple
 import cv2
 import numpy as np
 
-from app.export.events import check_cameras, event_slices
+from app.export.events import check_evt3_sensors, event_slices
 from app.export.ros import messages as ros
 from app.export.ros.messages import BagFolder, McapFile, MessageFile, RosMessages
-from app.export.selection import Span, polarity_png
+from app.export.selection import DEFAULT_STRIDE_US, Span, polarity_png
 from app.export.steps import ChainFollower, window_length_us
-from app.export.unfinished import Cancelled, Progress, check_cancelled, unfinished_file, unfinished_folder
+from app.export.task import ExportTask
+from app.export.unfinished import check_cancelled, unfinished_file, unfinished_folder
 from core.cameras import Camera
 from core.chain import ChainConfig
-from core.errors import CommandError
 from core.events import polarity_image
 from core.recordings import CameraStream, Recording
-from core.recordings.evt3_encoder import LARGEST_PX, Evt3Encoder
+from core.recordings.evt3_encoder import Evt3Encoder
 from core.recordings.layout import Rows
 from core.recordings.reader import FileRecording
 
@@ -46,66 +46,48 @@ class _Message(NamedTuple):
     data: bytes
 
 
-def export_rosbag(
-    recording: Recording,
-    folder: Path,
-    span: Span,
-    *,
-    overwrite: bool = False,
-    progress: Progress = lambda share: None,
-    cancelled: Cancelled = lambda: False,
-) -> tuple[Path, ...]:
-    """Write the events and the calibration as a bag of ROS 2; `folder` is the bag.
+def export_rosbag(task: ExportTask) -> tuple[Path, ...]:
+    """Write the events and the calibration as a bag of ROS 2; the task's path is the bag, a folder.
 
     Raises:
-        CommandError: if it exists, cannot be written, a sensor is too large, or rosbags is missing.
-        ExportCancelledError: if `cancelled()` is true; nothing is written then.
+        CommandError: if a sensor is too large, or rosbags is missing.
     """
-    messages = RosMessages()
-    _check_lenses(recording)
-    streams = [_calibration(recording, span, messages), *_events(recording, span, messages)]
+    messages, folder = RosMessages(), task.path
+    _check_lenses(task.recording)
+    streams = [_calibration(task.recording, task.span, messages), *_events(task.recording, task.span, messages)]
     names = ["metadata.yaml", f"{folder.name}.db3"]
-    with unfinished_folder(folder, names, overwrite=overwrite) as unfinished:
+    with unfinished_folder(folder, names, overwrite=task.order.overwrite) as unfinished:
         bag = unfinished / folder.name
         with BagFolder(bag, messages) as file:
-            _write(file, streams, recording, span, progress, cancelled)
+            _write(file, streams, task)
         # The bag is written as a folder of its own name, whose files then stand in the one that appears at once.
         for name in names:
             (bag / name).rename(unfinished / name)
     return tuple(folder / name for name in names)
 
 
-def export_mcap(
-    recording: Recording,
-    path: Path,
-    span: Span,
-    chain: ChainConfig,
-    *,
-    stride_us: int,
-    groups: Callable[[str], Rows | None] = lambda group: None,
-    overwrite: bool = False,
-    progress: Progress = lambda share: None,
-    cancelled: Cancelled = lambda: False,
-) -> Path:
-    """Write events, pictures, detections and everything in 3D; `groups` reads further groups of the recording.
+def export_mcap(task: ExportTask) -> tuple[Path, ...]:
+    """Write events, pictures, detections and everything in 3D.
 
     Raises:
-        CommandError: if the file exists, cannot be written, a sensor is too large, or a library is missing.
-        ExportCancelledError: if `cancelled()` is true; nothing is written then.
+        CommandError: if a sensor is too large, or a library is missing.
     """
-    messages = RosMessages()
+    recording, span, messages = task.recording, task.span, RosMessages()
     _check_lenses(recording)
     streams: list[Iterable[_Message]] = [
         _calibration(recording, span, messages),
         *_events(recording, span, messages),
-        _chain(recording, span, chain, stride_us, messages),
+        _chain(recording, span, task.order.chain, task.order.stride_us or DEFAULT_STRIDE_US, messages),
         _truth(recording, span, messages),
-        _racket(recording, span, groups("/racket"), messages),
+        _racket(recording, span, task.groups("/racket"), messages),
         *_pictures(recording, span, messages),
     ]
-    with unfinished_file(path, overwrite=overwrite) as unfinished, McapFile(unfinished, messages) as file:
-        _write(file, streams, recording, span, progress, cancelled)
-    return path
+    with (
+        unfinished_file(task.path, overwrite=task.order.overwrite) as unfinished,
+        McapFile(unfinished, messages) as file,
+    ):
+        _write(file, streams, task)
+    return (task.path,)
 
 
 def clock_us(recording: Recording) -> int:
@@ -115,21 +97,14 @@ def clock_us(recording: Recording) -> int:
     return offset if 0 <= offset < _LATEST_START_US else 0
 
 
-def _write(
-    file: MessageFile,
-    streams: list[Iterable[_Message]],
-    recording: Recording,
-    span: Span,
-    progress: Progress,
-    cancelled: Cancelled,
-) -> None:
-    start_ns = 1000 * (span.start_us + clock_us(recording))
+def _write(file: MessageFile, streams: list[Iterable[_Message]], task: ExportTask) -> None:
+    start_ns = 1000 * (task.span.start_us + clock_us(task.recording))
     for number, message in enumerate(heapq.merge(*streams, key=itemgetter(0))):
         if number % 256 == 0:
-            check_cancelled(cancelled)
-            progress(min(0.99, max(0.0, (message.time_ns - start_ns) / (1000 * span.length_us))))
+            check_cancelled(task.cancelled)
+            task.progress(min(0.99, max(0.0, (message.time_ns - start_ns) / (1000 * task.span.length_us))))
         file.add(message.topic, message.kind, message.time_ns, message.data)
-    progress(1.0)
+    task.progress(1.0)
 
 
 def _calibrated(recording: Recording) -> dict[str, Camera]:
@@ -156,10 +131,7 @@ def _calibration(recording: Recording, span: Span, messages: RosMessages) -> Ite
 
 
 def _events(recording: Recording, span: Span, messages: RosMessages) -> list[Iterable[_Message]]:
-    for name in check_cameras(recording):
-        sensor = recording.cameras[name].sensor
-        if max(sensor.width_px, sensor.height_px) > LARGEST_PX:
-            raise CommandError("too large a sensor for EVT3", expected=f"up to {LARGEST_PX}", got=sensor, where=name)
+    check_evt3_sensors(recording)
     return [_packets(name, stream, span, clock_us(recording), messages) for name, stream in recording.cameras.items()]
 
 

@@ -19,6 +19,7 @@ from app.export.rrd.paths import picture_path, rerun_file
 from app.export.rrd.rally import log_arena, log_cameras
 from app.export.selection import DEFAULT_STRIDE_US, Span
 from app.export.steps import ChainFollower, ChainStep, window_length_us
+from app.export.task import ExportTask
 from app.export.unfinished import Cancelled, Progress, check_cancelled
 from core.chain import ChainConfig
 from core.detection import TrackState
@@ -49,33 +50,30 @@ class RrdContents:
     """Labels by camera."""
 
 
-def export_rrd(
-    recording: Recording,
-    path: Path,
-    span: Span,
-    contents: RrdContents,
-    *,
-    groups: Callable[[str], Rows | None] = lambda group: None,
-    overwrite: bool = False,
-    progress: Progress = lambda share: None,
-    cancelled: Cancelled = lambda: False,
-) -> Path:
-    """Write the file. `groups` reads further groups of the recording, such as "/racket".
+def contents_of(task: ExportTask) -> RrdContents:
+    """The contents that a task asks for."""
+    order = task.order
+    return RrdContents(
+        chain=order.chain, stride_us=order.stride_us or DEFAULT_STRIDE_US, pictures=order.pictures,
+        stages=order.stages, plots=order.plots, labels=task.labels,
+    )  # fmt: skip
 
-    Raises:
-        CommandError: if the file exists and `overwrite` is not set, or it cannot be written.
-        ExportCancelledError: if `cancelled()` is true; there is no file then.
-    """
+
+def export_rrd(task: ExportTask) -> tuple[Path, ...]:
+    """Write the file."""
+    recording, span, contents = task.recording, task.span, contents_of(task)
     # The same part again gives the same identity: the viewer replaces it.
     name = f"{recording.uuid}-{span.start_us}-{span.end_us}"
-    blueprint = blueprint_of(recording, contents, groups)
-    with rerun_file(path, blueprint, recording_id=name, overwrite=overwrite, cancelled=cancelled) as stream:
-        writer = RallyWriter(stream, recording, contents, groups)
+    blueprint = blueprint_of(recording, contents, task.groups)
+    with rerun_file(
+        task.path, blueprint, recording_id=name, overwrite=task.order.overwrite, cancelled=task.cancelled
+    ) as stream:
+        writer = RallyWriter(stream, recording, contents, task.groups)
         writer.begin()
         with PicturePool(writer.pictures_of(span)) as pool:
-            writer.write(recording, span, pool, lambda share: progress(SHARE_OF_STEPS * share), cancelled)
-    progress(1.0)
-    return path
+            writer.write(recording, span, pool, lambda share: task.progress(SHARE_OF_STEPS * share), task.cancelled)
+    task.progress(1.0)
+    return (task.path,)
 
 
 def blueprint_of(recording: Recording, contents: RrdContents, groups: Callable[[str], Rows | None]) -> rrb.Blueprint:

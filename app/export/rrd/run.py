@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from app.export.rrd.blueprint import COLOURS, run_blueprint
 from app.export.rrd.paths import EPISODE, PLOTS, WORLD, rerun_file, send
 from app.export.rrd.rally import log_arena
-from app.export.unfinished import Cancelled, Progress, check_cancelled
+from app.export.task import RunTask
+from app.export.unfinished import check_cancelled
 from app.scene.prediction import CASE_NAMES, CASE_RGB
 from core.errors import CommandError
 from core.learning.runs.run_files import read_lines, read_run, seed_files
@@ -36,21 +37,14 @@ CURVES: Final = {
 }
 
 
-def export_run(
-    run: Path,
-    path: Path,
-    *,
-    overwrite: bool = False,
-    progress: Progress = lambda share: None,
-    cancelled: Cancelled = lambda: False,
-) -> Path:
+def export_run(task: RunTask) -> tuple[Path, ...]:
     """Write the file; the run may still be going on, then it is what was played until now.
 
     Raises:
         ConfigError: if the folder holds no run.
-        CommandError: if nothing was played yet, or the file cannot be written.
-        ExportCancelledError: if `cancelled()` is true; there is no file then.
+        CommandError: if nothing was played yet.
     """
+    run = task.run
     config = read_run(run)
     found = (folder.name.removeprefix("seed-") for folder in run.glob("seed-*"))
     played = {}
@@ -64,16 +58,18 @@ def export_run(
         raise CommandError("nothing was played yet", where=run, remedy="train it first")
     blueprint = run_blueprint(list(played), CURVES)
     name = f"{run.resolve().name}-{config.agent}"
-    with rerun_file(path, blueprint, recording_id=name, overwrite=overwrite, cancelled=cancelled) as stream:
+    with rerun_file(
+        task.path, blueprint, recording_id=name, overwrite=task.order.overwrite, cancelled=task.cancelled
+    ) as stream:
         log_arena(stream, None)
         for number, (seed, (lines, evaluations)) in enumerate(played.items()):
-            check_cancelled(cancelled)
+            check_cancelled(task.cancelled)
             _send_spots(stream, seed, lines)
             _send_curves(stream, seed, lines, COLOURS[number % len(COLOURS)])
             _send_evaluations(stream, seed, evaluations, COLOURS[number % len(COLOURS)])
-            progress((number + 1) / (len(played) + 1))
-    progress(1.0)
-    return path
+            task.progress((number + 1) / (len(played) + 1))
+    task.progress(1.0)
+    return (task.path,)
 
 
 def moving_mean(values: Array, over: int) -> Array:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -15,14 +16,14 @@ from PIL import Image
 from app.export.scenes.drawn_scene import SceneDrawing
 from app.export.scenes.scene_file import SceneMoment, scene_moments
 from app.export.selection import Span
-from app.export.unfinished import Cancelled, Progress, unfinished_file
+from app.export.task import ExportTask
+from app.export.unfinished import unfinished_file
 from app.pictures.palette import PaletteIndex, palette
 from app.scene.view_camera import standpoint
 from core.chain import ChainConfig
 from core.errors import CommandError
 from core.events import SensorSize, polarity_image
 from core.recordings import CameraStream, Recording
-from core.recordings.layout import Rows
 
 SIZE: Final = SensorSize(1280, 720)
 INSET_PX: Final = 330
@@ -40,68 +41,46 @@ FREE: Final = 0.13
 COLOURS: Final = palette("orange / blue")
 
 
-def export_mp4(
-    recording: Recording,
-    path: Path,
-    span: Span,
-    chain: ChainConfig,
-    *,
-    stride_us: int = STRIDE_US,
-    groups: Callable[[str], Rows | None] = lambda group: None,
-    overwrite: bool = False,
-    progress: Progress = lambda share: None,
-    cancelled: Cancelled = lambda: False,
-) -> Path:
-    """Write a film, H.264, a frame every `stride_us`, 25 frames a second.
+def export_mp4(task: ExportTask) -> tuple[Path, ...]:
+    """Write a film, H.264, a frame every stride, 25 frames a second.
 
     Raises:
         CalibrationError: if the ball cannot be found in space.
-        CommandError: if the file exists and `overwrite` is not set, or it cannot be written.
-        ExportCancelledError: if `cancelled()` is true; there is no file then.
+        CommandError: if there is no frame in the part.
     """
-    drawing = _drawing(chain)
-    moments = scene_moments(recording, span, chain, stride_us, groups, progress, cancelled)
-    with unfinished_file(path, overwrite=overwrite) as unfinished:
+    drawing = _drawing(task.order.chain)
+    moments = scene_moments(task, task.order.stride_us or STRIDE_US)
+    with unfinished_file(task.path, overwrite=task.order.overwrite) as unfinished:
         size = (SIZE.width_px, SIZE.height_px)
         frames = 0
         # 18: visually lossless in x264, so that thin lines keep their colours.
         with faery.mp4.Encoder(unfinished, size, FRAMES_PER_S, 18.0, "veryfast", "none", "high") as encoder:
             for moment in moments:
-                encoder.write(_compose(drawing, recording, moment))
+                encoder.write(_compose(drawing, task.recording, moment))
                 frames += 1
         if not frames:
             raise CommandError("no frame in this part", remedy="take a longer part or a smaller --stride-us")
-    return path
+    return (task.path,)
 
 
-def export_png(
-    recording: Recording,
-    path: Path,
-    span: Span,
-    chain: ChainConfig,
-    *,
-    groups: Callable[[str], Rows | None] = lambda group: None,
-    overwrite: bool = False,
-    progress: Progress = lambda share: None,
-    cancelled: Cancelled = lambda: False,
-) -> Path:
+def export_png(task: ExportTask) -> tuple[Path, ...]:
     """Write a picture of the span's end; the chain has processed the time before it.
 
     Raises:
         CalibrationError: if the ball cannot be found in space.
-        CommandError: if the file exists and `overwrite` is not set, or it cannot be written.
-        ExportCancelledError: if `cancelled()` is true; there is no file then.
+        CommandError: if there is nothing in the part.
     """
     # Trail and prediction need the flight before the moment.
-    before = Span(max(0, span.end_us - WARM_UP_US), span.end_us)
+    end_us = task.span.end_us
+    before = replace(task, span=Span(max(0, end_us - WARM_UP_US), end_us))
     last: SceneMoment | None = None
-    for moment in scene_moments(recording, before, chain, 1, groups, progress, cancelled):
+    for moment in scene_moments(before, 1):
         last = moment
     if last is None:
         raise CommandError("nothing to see in this part", remedy="take a longer one")
-    with unfinished_file(path, overwrite=overwrite) as unfinished:
-        Image.fromarray(_compose(_drawing(chain), recording, last)).save(unfinished, "PNG")
-    return path
+    with unfinished_file(task.path, overwrite=task.order.overwrite) as unfinished:
+        Image.fromarray(_compose(_drawing(task.order.chain), task.recording, last)).save(unfinished, "PNG")
+    return (task.path,)
 
 
 def _drawing(chain: ChainConfig) -> SceneDrawing:

@@ -16,9 +16,9 @@ from typing import Final
 import viser
 
 from app import theme
-from app.export.selection import Span
 from app.export.steps import window_length_us
-from app.export.unfinished import Cancelled, Progress, check_cancelled, unfinished_file
+from app.export.task import ExportTask
+from app.export.unfinished import check_cancelled, unfinished_file
 from app.scene.arena import RacketActor, RigActors, add_arena
 from app.scene.ball import BallActors, TrailActor
 from app.scene.people import PeopleActor
@@ -27,7 +27,7 @@ from app.scene.view_camera import standpoint
 from app.shared.live_rally import positions
 from app.web import Admission, Gateway, make_token
 from core.cameras import Camera
-from core.chain import ChainConfig, RallyChain
+from core.chain import RallyChain
 from core.chain.control.controller import BuiltInController
 from core.chain.control.player import Player
 from core.chain.follow import calibrated_cameras
@@ -37,7 +37,6 @@ from core.history.following import add_known, is_stereo
 from core.history.played_bodies import recorded_bodies
 from core.history.rally_history import RallyHistory
 from core.history.rally_picture import RallyPicture
-from core.recordings import Recording
 from core.recordings.layout import Rows
 
 Circles = dict[str, tuple[float, float, float]]
@@ -53,26 +52,19 @@ class SceneMoment:
     """u, v, r of the detected ball, px, by camera."""
 
 
-def scene_moments(
-    recording: Recording,
-    span: Span,
-    chain: ChainConfig,
-    stride_us: int,
-    groups: Callable[[str], Rows | None],
-    progress: Progress,
-    cancelled: Cancelled,
-) -> Iterator[SceneMoment]:
+def scene_moments(task: ExportTask, stride_us: int) -> Iterator[SceneMoment]:
     """A moment every `stride_us` (rounded to whole windows), from data up to that time only.
 
     Raises:
         CalibrationError: if the ball cannot be found in space.
     """
+    recording, span, chain = task.recording, task.span, task.order.chain
     if not is_stereo(recording):
         remedy = "import it with --calibration, or export it to Rerun"
         raise CalibrationError("3D needs two cameras or more, all calibrated", where="the recording", remedy=remedy)
     cameras = calibrated_cameras(recording)
     history, stands = RallyHistory(), positions(cameras)
-    add_known(history, recording.ball, _Groups(groups))
+    add_known(history, recording.ball, _Groups(task.groups))
     bodies = recorded_bodies(recording)
     player = Player(RallyChain(cameras, chain), BuiltInController())
     window_us = window_length_us(chain)
@@ -80,7 +72,7 @@ def scene_moments(
     every = max(1, round(stride_us / window_us))
     side_by_side = windows_side_by_side(recording.cameras, span.start_us, span.end_us, window_us)
     for number, windows in enumerate(side_by_side, start=1):
-        check_cancelled(cancelled)
+        check_cancelled(task.cancelled)
         state = player.step(windows)
         history.add_step(state)
         if number % every == 0:
@@ -88,7 +80,7 @@ def scene_moments(
             moment = history.at(t_us, stands)
             picture = replace(moment.picture, people=bodies.at(t_us))
             yield SceneMoment(t_us, picture, {} if moment.step is None else moment.step.circles)
-            progress((t_us - span.start_us) / span.length_us)
+            task.progress((t_us - span.start_us) / span.length_us)
 
 
 class _Groups:
@@ -131,42 +123,32 @@ machine for seconds. Where a later player calls them otherwise the page is as vi
 """
 
 
-def export_scene(
-    recording: Recording,
-    path: Path,
-    span: Span,
-    chain: ChainConfig,
-    *,
-    as_html: bool,
-    stride_us: int = STRIDE_US,
-    groups: Callable[[str], Rows | None] = lambda group: None,
-    overwrite: bool = False,
-    progress: Progress = lambda share: None,
-    cancelled: Cancelled = lambda: False,
-) -> Path:
-    """Write the scene at every `stride_us`; a slider of the player moves through it.
+def export_scene(task: ExportTask) -> tuple[Path, ...]:
+    """Write the scene at every stride, as a web page or for viser's player, whose slider moves through it.
 
     Raises:
         CalibrationError: if the ball cannot be found in space.
-        CommandError: if the file exists and `overwrite` is not set, or it cannot be written.
-        ExportCancelledError: if `cancelled()` is true; there is no file then.
     """
-    moments = scene_moments(recording, span, chain, stride_us, groups, progress, cancelled)
+    recording, stride_us = task.recording, task.order.stride_us or STRIDE_US
+    moments = scene_moments(task, stride_us)
     cameras = calibrated_cameras(recording) if is_stereo(recording) else {}
-    with unfinished_file(path, overwrite=overwrite) as unfinished, _server_for_a_moment() as server:
-        actors = _Actors(server.scene, cameras, chain.predictor.hit_x_m)
+    with (
+        unfinished_file(task.path, overwrite=task.order.overwrite) as unfinished,
+        _server_for_a_moment() as server,
+    ):
+        actors = _Actors(server.scene, cameras, task.order.chain.predictor.hit_x_m)
         serializer = server.get_scene_serializer()
         for moment in moments:
             with server.atomic():  # a moment is shown when all of it is there
                 actors.show(moment.picture, moment.t_us)
             server.flush()
             serializer.insert_sleep(SLOWER * stride_us / 1e6)
-        if as_html:
+        if task.order.format == "html":
             page = serializer.as_html(dark_mode=True)
             unfinished.write_text(page.replace("<head>", f"<head>{STEADY_LIGHT}", 1), encoding="utf-8")
         else:
             unfinished.write_bytes(serializer.serialize())
-    return path
+    return (task.path,)
 
 
 class _Actors:

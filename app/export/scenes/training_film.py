@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.export.scenes.drawn_scene import SceneDrawing
-from app.export.unfinished import Cancelled, Progress, check_cancelled
+from app.export.task import RunTask
+from app.export.unfinished import check_cancelled
 from app.scene.prediction import CASE_NAMES, CASE_RGB, REACH_M, SPOTS
 from app.scene.view_camera import standpoint
 from app.shared.training_records import AFTER_LANDING_S, Replay, ball_of_line, number, replay_ball
@@ -104,25 +105,17 @@ def read_filmed_balls(run: Path, seed: int) -> FilmedBalls:
     )
 
 
-def export_training_film(
-    run: Path,
-    path: Path,
-    *,
-    seed: int | None = None,
-    overwrite: bool = False,
-    progress: Progress = lambda share: None,
-    cancelled: Cancelled = lambda: False,
-) -> Path:
+def export_training_film(task: RunTask) -> tuple[Path, ...]:
     """Write the film of a seed (the run's first by default) as far as it is trained: H.264, 25 frames a second.
 
     Raises:
         ConfigError: if there is no such run, or its lines are broken.
-        CommandError: if it has played no ball, or the file exists and `overwrite` is not set, or cannot be written.
-        ExportCancelledError: if `cancelled()` is true; there is no file then.
+        CommandError: if it has played no ball.
     """
     require_package("av", "a film")
     from app.export.film_file import film_file  # the encoder is loaded only for a film
 
+    run, seed = task.run, task.order.seed
     config = read_run(run)
     seed = config.first_seed if seed is None else seed
     balls = read_filmed_balls(run, seed)
@@ -134,25 +127,29 @@ def export_training_film(
     title = f"{run.name}, {config.agent}" + (f", seed {seed}" if config.seeds > 1 else "")
     written = 0
     with film_file(
-        path, width_px=SIZE.width_px, height_px=SIZE.height_px, frames_per_s=FRAMES_PER_S, overwrite=overwrite
+        task.path,
+        width_px=SIZE.width_px,
+        height_px=SIZE.height_px,
+        frames_per_s=FRAMES_PER_S,
+        overwrite=task.order.overwrite,
     ) as film:
         for number, index in enumerate(shown):
-            check_cancelled(cancelled)
+            check_cancelled(task.cancelled)
             ball = ball_of_line(balls.lines[index])
             if ball is None:  # an incomplete line
                 continue
             replay = replay_ball(ball, config.environment, None, "")
             for share, image in _frames(drawing, replay, balls, index):
-                check_cancelled(cancelled)
+                check_cancelled(task.cancelled)
                 _write_words(image, title, balls, index, replay, is_down=share >= _down_share(replay))
                 _put_chart(image, chart, (index + 1) / len(balls.lines))
                 film.write(image)
                 written += 1
-                progress((number + share) / len(shown))
+                task.progress((number + share) / len(shown))
         if not written:
             raise CommandError("no ball that can be filmed", where=f"{run.name}, seed {seed}")
-    progress(1.0)
-    return path
+    task.progress(1.0)
+    return (task.path,)
 
 
 def _frames(drawing: SceneDrawing, replay: Replay, balls: FilmedBalls, index: int) -> Iterator[tuple[float, Image]]:

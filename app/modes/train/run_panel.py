@@ -10,6 +10,7 @@ import viser
 
 from app import theme
 from app.export.scenes.training_film import export_training_film
+from app.export.task import ExportRequest, RunTask
 from app.export.unfinished import Cancelled, Progress
 from app.modes.mode import download_export, state_html
 from app.modes.train.form import PACES
@@ -196,7 +197,8 @@ class FilmPanel:
         run = self._host.services.workspace.run_path(name)
 
         def work(path: Path, progress: Progress, cancelled: Cancelled) -> tuple[Path, ...]:
-            return (export_training_film(run, path, seed=seed, progress=progress, cancelled=cancelled),)
+            order = ExportRequest(format="mp4", destination=path, seed=seed)
+            return export_training_film(RunTask(order, run, progress, cancelled))
 
         self._film = self._exporter.start(f"{name}-film", ".mp4", work)
         self._looked_s = float("-inf")

@@ -2,6 +2,10 @@
 
 scikit-learn numbers clusters by their first core point and floods each one completely before the next, so a border
 point belongs to the lowest number that reaches it.
+
+Tune and `detect` cluster with this and not with scikit-learn, which is the reference of the tests and of `bench
+detection`: a window of 155 events takes 1.0 ms of CPU here and 3.1 ms there, 20,000 events 5.3 and 93 ms, or 53 ms
+where scikit-learn gets each pixel once, weighted with its events (defaults, 1280x720, median of 9 calls).
 """
 
 from __future__ import annotations

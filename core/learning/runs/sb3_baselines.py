@@ -24,8 +24,7 @@ from core.learning.agents.replay import ReplayStart
 from core.learning.config import RunConfig
 from core.learning.evaluation.policy_evaluator import episode_line
 from core.learning.gym_environment import OneStepReturn
-from core.learning.runs.training import BALLS
-from core.learning.task.environment import EpisodeBackend, ServeBatch, draw_serve_batch, racket_table
+from core.learning.task.environment import BALLS, EpisodeBackend, ServeBatch, draw_serve_batch, racket_table
 from core.learning.task.reward import episode_rewards, reward_weights
 
 Floats = NDArray[np.float32]

@@ -35,6 +35,8 @@ from core.simulation.episodes.incoming import fly_incoming
 Floats = NDArray[np.float32]
 SAMPLE = 64
 """Serves per speed: their arrival speeds differ by 1 %."""
+BALLS, CHOICES = 0, 1
+"""Random streams of a seed: one for the balls, one for the learner."""
 
 
 def racket_table(config: RunConfig) -> tuple[Floats, Floats]:

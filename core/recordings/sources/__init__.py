@@ -9,8 +9,8 @@ from core.recordings.sources.source import (
     DecodeReport,
     EventSource,
     Fact,
+    FactOrigin,
     RawColumns,
-    Whence,
 )
 
 __all__ = [
@@ -19,8 +19,8 @@ __all__ = [
     "DecodeReport",
     "EventSource",
     "Fact",
+    "FactOrigin",
     "RawColumns",
-    "Whence",
     "make_source",
     "make_table_source",
     "open_sources",

@@ -31,7 +31,7 @@ from core.recordings.sources.source import (
     DecodeReport,
     EventSource,
     Fact,
-    Whence,
+    FactOrigin,
 )
 
 
@@ -121,10 +121,14 @@ def open_aedat2(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     def check(parts, sensor, report, *, where):
         return check_stream(parts, sensor, report, where=where, clock_lengths_us=(_WRAP >> 1,))
 
-    polarity = Fact("0 = OFF, 1 = ON", Whence.FORMAT) if camera.davis else Fact("0 = ON, 1 = OFF", Whence.ASSUMED)
-    whence = Whence.CAMERA if header.chip is not None else Whence.OPTION  # without a name the size tells the camera
+    polarity = (
+        Fact("0 = OFF, 1 = ON", FactOrigin.FORMAT) if camera.davis else Fact("0 = ON, 1 = OFF", FactOrigin.ASSUMED)
+    )
+    origin = (
+        FactOrigin.CAMERA if header.chip is not None else FactOrigin.OPTION
+    )  # without a name the size tells the camera
     facts = {TIME_UNIT: MICROSECONDS, POLARITY: polarity}
-    return [make_source(path, "camera", label, camera.sensor, decode, check, sensor_from=whence, facts=facts)]
+    return [make_source(path, "camera", label, camera.sensor, decode, check, sensor_from=origin, facts=facts)]
 
 
 def _read_header(path: Path) -> _Header:

@@ -18,7 +18,7 @@ from core.errors import RecordingError
 from core.events import SensorSize
 from core.recordings.sources.checking import CUT_SHORT, check_stream
 from core.recordings.sources.making import make_source
-from core.recordings.sources.source import Columns, DecodeReport, EventSource, Whence
+from core.recordings.sources.source import Columns, DecodeReport, EventSource, FactOrigin
 
 _END: Final = b"#!END-HEADER"
 _MAX_HEADER: Final = 1 << 20
@@ -56,10 +56,10 @@ def open_aedat3(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     named = re.search(rb"#\s*Source\s+\d+:\s*([A-Za-z]+\d+)", head[:end])
     known = _CAMERAS.get(named[1].decode().upper()) if named is not None else None
     size = sensor or known
-    whence = Whence.FILE if sensor is not None else Whence.CAMERA
+    origin = FactOrigin.FILE if sensor is not None else FactOrigin.CAMERA
     return [
         make_source(
-            path, "camera", "AEDAT 3", size, lambda report: _decode(path, end, report), check_stream, sensor_from=whence
+            path, "camera", "AEDAT 3", size, lambda report: _decode(path, end, report), check_stream, sensor_from=origin
         )
     ]
 

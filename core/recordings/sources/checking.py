@@ -15,7 +15,7 @@ from core.events import Events, SensorSize
 from core.foreign_tables import allowed_odd
 from core.recordings.layout import MAX_TIME_US
 from core.recordings.sources.source import Columns, DecodeReport
-from core.recordings.sources.values import sifting
+from core.recordings.sources.values import outliers
 from core.recordings.sources.values.assumed_sizes import LARGEST_PX
 
 _JITTER_US: Final = 1000
@@ -149,7 +149,7 @@ class _Check:
     longest_us: int
     lengths: tuple[int, ...]
     table: bool
-    state: NDArray[np.int64] = field(default_factory=sifting.start_sifting)
+    state: NDArray[np.int64] = field(default_factory=outliers.start_state)
     counts: NDArray[np.int64] = field(default_factory=lambda: np.zeros(4, np.int64))
     first_us: int | None = None
 
@@ -160,45 +160,45 @@ class _Check:
             rows = _cast(part)
             if waiting is not None:
                 rows = Columns(*(np.concatenate(pair) for pair in zip(waiting, rows, strict=True)))
-            ready = max(0, len(rows.t_us) - sifting.FAR_AHEAD)
+            ready = max(0, len(rows.t_us) - outliers.FAR_AHEAD)
             yield from self._judge(rows, ready)
-            if self.state[sifting.END]:
+            if self.state[outliers.END]:
                 return
             waiting = Columns(*(column[ready:] for column in rows))
         if waiting is not None:
             yield from self._judge(waiting, len(waiting.t_us))
-        if not self.state[sifting.END]:
+        if not self.state[outliers.END]:
             self._finish()
 
     def _judge(self, rows: Columns, ready: int) -> Iterator[Events]:
-        kind = np.full(len(rows.t_us), sifting.STRAY, np.uint8)
+        kind = np.full(len(rows.t_us), outliers.STRAY, np.uint8)
         size = self.sensor.width_px, self.sensor.height_px
         lengths = np.array(self.lengths, np.int64)
-        bounds = sifting.AddressBounds(*size, self.jitter_us, self.longest_us, lengths, not self.table)
-        used = sifting.sift(sifting.Rows(*rows[:3], kind), ready, bounds, self.state)
+        bounds = outliers.AddressBounds(*size, self.jitter_us, self.longest_us, lengths, not self.table)
+        used = outliers.mark_outliers(outliers.Rows(*rows[:3], kind), ready, bounds, self.state)
         kind = kind[:used]
         self.counts += np.bincount(kind, minlength=4)
-        keep = kind == sifting.GOOD
+        keep = kind == outliers.GOOD
         columns = (column[:used] if keep.all() else column[:used][keep] for column in rows)
         t_us, x_px, y_px, on = columns
         if len(t_us):
             self.first_us = int(t_us[0]) if self.first_us is None else self.first_us
             too_late = t_us - self.first_us >= MAX_TIME_US
             if too_late.any():
-                self.state[sifting.END] = sifting.AHEAD
+                self.state[outliers.END] = outliers.AHEAD
                 t_us, x_px, y_px, on = (column[~too_late] for column in (t_us, x_px, y_px, on))
             if self.table:
                 yield _unsorted(t_us, x_px, y_px, on, self.sensor)
             else:
                 yield Events.from_columns(t_us, x_px, y_px, on, self.sensor)
-        if self.state[sifting.END]:
+        if self.state[outliers.END]:
             self._stop(rows, used)
 
     def _stop(self, rows: Columns, at: int) -> None:
-        now = int(self.state[sifting.NOW])
-        step = int(rows.t_us[min(at, len(rows.t_us) - 1)]) + int(self.state[sifting.EPOCH]) - now
+        now = int(self.state[outliers.NOW])
+        step = int(rows.t_us[min(at, len(rows.t_us) - 1)]) + int(self.state[outliers.EPOCH]) - now
         count = int(self.counts.sum())
-        if self.state[sifting.END] == sifting.BACK:
+        if self.state[outliers.END] == outliers.BACK:
             reason = f"time runs {-step:,} us back, and goes on from there"
         else:
             reason = f"time jumps {max(step, 0):,} us ahead, beyond {self.longest_us / 1e6:,.0f} s"
@@ -211,7 +211,7 @@ class _Check:
     def _finish(self) -> None:
         """Say what was left out, or refuse what cannot be true as a whole."""
         good, stray, outside, damaged = self.counts.tolist()
-        largest = int(self.state[sifting.MAX_X]), int(self.state[sifting.MAX_Y])
+        largest = int(self.state[outliers.MAX_X]), int(self.state[outliers.MAX_Y])
         where = self.where
         total = good + stray + outside + damaged
         refuse_many_outside(outside, total, self.sensor, largest, where)
@@ -222,14 +222,14 @@ class _Check:
         report.leave_out(OUTSIDE, outside, outside_note(outside, self.sensor, largest, where))
         apart = f"{where}: {stray + damaged:,} events were left out: their times lie apart from the others."
         report.leave_out(WRONG_TIME, stray + damaged, apart)
-        late, latest_us = int(self.state[sifting.LATE]), int(self.state[sifting.LATEST])
+        late, latest_us = int(self.state[outliers.LATE]), int(self.state[outliers.LATEST])
         if self.table:
             note = f"{where}: {late:,} events were out of order by up to {latest_us / 1e3:g} ms; now sorted."
             report.change("sorted by time", late, note)
         else:
             note = f"{where}: {late:,} events came up to 1 ms too early; they have the time before them."
             report.change("time stepped back", late, note)
-        wraps = int(self.state[sifting.WRAPS])
+        wraps = int(self.state[outliers.WRAPS])
         note = f"{where}: the clock began again at 0 {wraps} times; its time runs on."
         report.change("clock began again", wraps, note)
 

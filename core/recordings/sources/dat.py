@@ -18,7 +18,7 @@ from core.events import SensorSize
 from core.recordings.sources.checking import CUT_SHORT, check_stream, note_padding, without_padding
 from core.recordings.sources.making import make_source
 from core.recordings.sources.prophesee_header import note_two_sizes, read_prophesee_header
-from core.recordings.sources.source import Columns, DecodeReport, EventSource, Whence
+from core.recordings.sources.source import Columns, DecodeReport, EventSource, FactOrigin
 
 _EVENTS_OF_CHANGE: Final = (0x00, 0x0C)
 """Types of the events of a DVS: 2D, and CD."""
@@ -62,8 +62,8 @@ def open_dat(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     def check(parts, sensor, report, *, where):
         return check_stream(parts, sensor, report, where=where, clock_lengths_us=(_CLOCK_US,))
 
-    whence = Whence.CAMERA if header.sensor is None or header.sensor_by_camera else Whence.FILE
-    return [make_source(path, "camera", "Prophesee DAT", sensor, decode, check, sensor_from=whence)]
+    origin = FactOrigin.CAMERA if header.sensor is None or header.sensor_by_camera else FactOrigin.FILE
+    return [make_source(path, "camera", "Prophesee DAT", sensor, decode, check, sensor_from=origin)]
 
 
 def _is_version_1(path: Path, start: int, version: int | None) -> bool:

@@ -25,7 +25,7 @@ from core.recordings.sources.checking import CUT_SHORT, DAMAGED_TIMES, RESERVED_
 from core.recordings.sources.evt_time import EVT4_TIME, IGNORE, Decoded, judge_time_high, next_time_high
 from core.recordings.sources.making import make_source
 from core.recordings.sources.prophesee_header import PropheseeHeader, note_two_sizes
-from core.recordings.sources.source import Columns, DecodeReport, EventSource, Whence
+from core.recordings.sources.source import Columns, DecodeReport, EventSource, FactOrigin
 
 VERSIONS: Final = ("EVT4", "EVT4.0")
 """As headers spell it."""
@@ -63,14 +63,14 @@ def open_evt4(path: Path, header: PropheseeHeader, sensor: SensorSize | None) ->
     if state[RESERVED] > _MAX_RESERVED * max(1, len(words)):
         got = f"{state[RESERVED]:,} reserved words among the first {len(words):,}"
         raise RecordingError("the words are not those of EVT4, which the header names", got=got, where=path)
-    whence = Whence.CAMERA if sensor is None and header.sensor_by_camera else Whence.FILE
+    origin = FactOrigin.CAMERA if sensor is None and header.sensor_by_camera else FactOrigin.FILE
 
     def decode(report: DecodeReport) -> Iterator[Columns]:
         if sensor is None:
             note_two_sizes(header, path.name, report)
         return _decode(path, header.size_bytes, report)
 
-    return make_source(path, "camera", "Prophesee EVT4", size, decode, check_stream, sensor_from=whence)
+    return make_source(path, "camera", "Prophesee EVT4", size, decode, check_stream, sensor_from=origin)
 
 
 def _start(words: NDArray[np.uint32]) -> NDArray[np.int64]:

@@ -26,11 +26,11 @@ from core.foreign_tables import UNIT_NAMES, time_unit
 from core.recordings.hdf5 import dataset_at, group_at
 from core.recordings.sources.hdf5_reading import UNREADABLE, explain, read_in_parts, unit_by_index
 from core.recordings.sources.making import make_table_source
-from core.recordings.sources.source import DecodeReport, EventSource, RawColumns, Whence
+from core.recordings.sources.source import DecodeReport, EventSource, FactOrigin, RawColumns
 from core.recordings.sources.table_columns import find_columns, unit_of_name
 from core.recordings.sources.values.stated_sizes import size_in_attributes
 from core.recordings.sources.values.table_order import TableOrder, guess_columns
-from core.recordings.sources.values.table_values import Survey, survey
+from core.recordings.sources.values.table_values import TableSummary, summarise_table
 
 _COLUMNS: Final = ("t", "x", "y", "p")
 _UNIT_ATTRIBUTES: Final = ("unit", "units", "time_unit", "time_units", "timestamp_unit", "timestamps_unit")
@@ -145,22 +145,22 @@ def _open_table(path: Path, file: h5py.File, table: _Table, name: str, sensor: S
     label = "HDF5 of records" if table.records else _LABELS.get((table.path, table.names), "HDF5 of columns")
     dsec = label.startswith("DSEC") and "ms_to_idx" in file
     times = where if table.records else dataset_at(group_at(file, table.path), table.names[0])
-    unit, unit_from = unit_of_name(table.names[0]) or _stated_unit([times, *holders]), Whence.FILE
+    unit, unit_from = unit_of_name(table.names[0]) or _stated_unit([times, *holders]), FactOrigin.FILE
     remarks: tuple[str, ...] = ()
     if unit is None and dsec and isinstance(times, h5py.Dataset):
-        unit, unit_from = _unit_of_dsec(dataset_at(file, "ms_to_idx"), times), Whence.FORMAT
+        unit, unit_from = _unit_of_dsec(dataset_at(file, "ms_to_idx"), times), FactOrigin.FORMAT
         if unit not in (None, "us"):
-            unit_from, remarks = Whence.FILE, (f"{path.name}: the times count {UNIT_NAMES[unit]} by ms_to_idx.",)
-    seen: Survey | None = None
-    sensor_from = Whence.FILE
+            unit_from, remarks = FactOrigin.FILE, (f"{path.name}: the times count {UNIT_NAMES[unit]} by ms_to_idx.",)
+    seen: TableSummary | None = None
+    sensor_from = FactOrigin.FILE
     if sensor is None:
         columns = [] if table.records else [dataset_at(group_at(file, table.path), name) for name in table.names]
         sensor = _stated_sensor([*holders, *columns], None)
         if sensor is not None:  # some attributes do not tell which side is which: the events do
-            seen = survey(read_in_parts(path, table.read, count, DecodeReport()))
+            seen = summarise_table(read_in_parts(path, table.read, count, DecodeReport()))
             sensor = _stated_sensor([*holders, *columns], seen.addresses.largest)
     if sensor is None and dsec and "t_offset" in file:
-        sensor, sensor_from = _DSEC_SENSOR, Whence.DATA_SET
+        sensor, sensor_from = _DSEC_SENSOR, FactOrigin.DATA_SET
     return make_table_source(
         path, name, label, sensor, lambda report: read_in_parts(path, table.read, count, report),
         unit=unit, unit_from=unit_from, shift_us=offset_us, seen=seen, sensor_from=sensor_from, remarks=remarks,
@@ -251,8 +251,8 @@ def _open_mvsec(path: Path, davis: h5py.Group, sensor: SensorSize | None) -> lis
                 size,
                 lambda report, rows=rows, count=count: read_in_parts(path, rows, count, report),
                 unit="s",
-                unit_from=Whence.FORMAT,
-                sensor_from=Whence.FILE if sensor is not None else Whence.DATA_SET,
+                unit_from=FactOrigin.FORMAT,
+                sensor_from=FactOrigin.FILE if sensor is not None else FactOrigin.DATA_SET,
             )
         )
     if not sources:

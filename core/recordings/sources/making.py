@@ -16,12 +16,17 @@ from core.recordings.sources.source import (
     DecodeReport,
     EventSource,
     Fact,
+    FactOrigin,
     RawColumns,
-    Whence,
 )
 from core.recordings.sources.table_columns import addresses_from_column
 from core.recordings.sources.values.assumed_sizes import AddressCounts
-from core.recordings.sources.values.table_values import Meaning, Survey, find_meaning, survey
+from core.recordings.sources.values.table_values import (
+    TableInterpretation,
+    TableSummary,
+    interpret_table,
+    summarise_table,
+)
 
 
 class Check(Protocol):
@@ -40,7 +45,7 @@ def make_source(
     decode: Callable[[DecodeReport], Iterator[Columns]],
     check: Check = check_stream,
     *,
-    sensor_from: Whence = Whence.FILE,
+    sensor_from: FactOrigin = FactOrigin.FILE,
     facts: Mapping[str, Fact] = BINARY_FACTS,
 ) -> EventSource:
     """One camera of a file, its events checked: what cannot be true is left out and counted, the rest is kept.
@@ -56,13 +61,13 @@ def make_source(
         facts: What the format defines of its values.
     """
     size = sensor or _assume_sensor(decode(DecodeReport()))
-    whence = Whence.ASSUMED if sensor is None else sensor_from
+    origin = FactOrigin.ASSUMED if sensor is None else sensor_from
 
     def read(report: DecodeReport) -> Iterator[Events]:
-        _note_size(report, path, size, whence, label)
+        _note_size(report, path, size, origin, label)
         return check(decode(report), size, report, where=path.name)
 
-    return EventSource(name, label, size, read, sensor_from=whence, facts=facts)
+    return EventSource(name, label, size, read, sensor_from=origin, facts=facts)
 
 
 def make_table_source(
@@ -74,9 +79,9 @@ def make_table_source(
     *,
     unit: str | None = None,
     shift_us: int = 0,
-    unit_from: Whence = Whence.FILE,
-    seen: Survey | None = None,
-    sensor_from: Whence = Whence.FILE,
+    unit_from: FactOrigin = FactOrigin.FILE,
+    seen: TableSummary | None = None,
+    sensor_from: FactOrigin = FactOrigin.FILE,
     assumed: tuple[str, ...] = (),
     remarks: tuple[str, ...] = (),
 ) -> EventSource:
@@ -88,16 +93,16 @@ def make_table_source(
     """
     known = [] if seen is None else [seen]
 
-    def look() -> Survey:
+    def look() -> TableSummary:
         # A pass over the whole file: once, and only when something is to be inferred.
         if not known:
-            known.append(survey(rows(DecodeReport())))
+            known.append(summarise_table(rows(DecodeReport())))
         return known[0]
 
     size = sensor or look().addresses.usual_sensor()
-    whence = Whence.ASSUMED if sensor is None else sensor_from
+    origin = FactOrigin.ASSUMED if sensor is None else sensor_from
 
-    def decode(report: DecodeReport, meaning: Meaning) -> Iterator[Columns]:
+    def decode(report: DecodeReport, meaning: TableInterpretation) -> Iterator[Columns]:
         odd, total = 0, 0
         for part in rows(report):
             columns, left_out = meaning.columns(part)
@@ -110,7 +115,7 @@ def make_table_source(
         report.leave_out("odd values", odd, note)
 
     def read(report: DecodeReport) -> Iterator[Events]:
-        _note_size(report, path, size, whence, label)
+        _note_size(report, path, size, origin, label)
         if look().addresses.are_turned(size):
             column, row = look().addresses.largest
             raise RecordingError(
@@ -123,21 +128,21 @@ def make_table_source(
         for note in assumed:
             report.assume(note)
         report.notes.extend(remarks)
-        meaning = find_meaning(look(), unit, report, where=path.name, unit_from=unit_from)
+        meaning = interpret_table(look(), unit, report, where=path.name, unit_from=unit_from)
         lengths = meaning.clock_lengths_us
         events = check_table(decode(report, meaning), size, report, where=path.name, clock_lengths_us=lengths)
         return (_shifted(part, shift_us) for part in events) if shift_us else events
 
-    return EventSource(name, label, size, read, sensor_from=whence)
+    return EventSource(name, label, size, read, sensor_from=origin)
 
 
-def _note_size(report: DecodeReport, path: Path, size: SensorSize, whence: Whence, label: str) -> None:
+def _note_size(report: DecodeReport, path: Path, size: SensorSize, origin: FactOrigin, label: str) -> None:
     """Say of a sensor size that the file does not state why it is taken, and of an upright one that it is one."""
-    if whence == Whence.FILE and size.height_px > size.width_px:
+    if origin == FactOrigin.FILE and size.height_px > size.width_px:
         report.assume(f"{path.name} states a sensor that is higher than wide, {size}; see --width and --height.")
-    if whence == Whence.ASSUMED:
+    if origin == FactOrigin.ASSUMED:
         report.assume(f"{path.name} does not name its sensor size; {size} is assumed from the events.")
-    elif whence == Whence.DATA_SET:
+    elif origin == FactOrigin.DATA_SET:
         report.assume(f"{path.name} does not name its sensor size; {size} is assumed, that of {label}.")
 
 

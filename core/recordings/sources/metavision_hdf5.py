@@ -24,11 +24,11 @@ from core.recordings.sources.source import (
     Columns,
     DecodeReport,
     EventSource,
+    FactOrigin,
     RawColumns,
-    Whence,
 )
 from core.recordings.sources.values.stated_sizes import size_in_attributes
-from core.recordings.sources.values.table_values import find_meaning, survey
+from core.recordings.sources.values.table_values import interpret_table, summarise_table
 
 _ECF_FILTER: Final = 0x8ECF
 """Prophesee's filter in HDF5, number 36559; h5py has no decoder for it, `ecf` has."""
@@ -91,7 +91,9 @@ def _ecf_chunks(dataset: h5py.Dataset) -> Iterator[Columns]:
 
 def _records(dataset: h5py.Dataset, path: Path, report: DecodeReport) -> Iterator[Columns]:
     """Records as another tool may have written them: what their polarities mean is looked at first."""
-    meaning = find_meaning(survey(_raw(dataset)), "us", report, where=path.name, unit_from=Whence.FORMAT)
+    meaning = interpret_table(
+        summarise_table(_raw(dataset)), "us", report, where=path.name, unit_from=FactOrigin.FORMAT
+    )
     odd = 0
     for part in _raw(dataset):
         columns, left_out = meaning.columns(part)

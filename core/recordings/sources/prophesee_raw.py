@@ -45,7 +45,7 @@ from core.recordings.sources.prophesee_header import (
     read_prophesee_header,
     text_follows,
 )
-from core.recordings.sources.source import BINARY_FACTS, DecodeReport, EventSource, Whence
+from core.recordings.sources.source import BINARY_FACTS, DecodeReport, EventSource, FactOrigin
 
 _BLOCK_BYTES: Final = 1 << 20
 _ROOM_EVENTS: Final = 1 << 18
@@ -95,7 +95,7 @@ def open_prophesee_raw(path: Path, sensor: SensorSize | None) -> list[EventSourc
             got=version or "none",
             where=path,
         )
-    whence = Whence.CAMERA if sensor is None and header.sensor_by_camera else Whence.FILE
+    origin = FactOrigin.CAMERA if sensor is None and header.sensor_by_camera else FactOrigin.FILE
     size_given = sensor is not None
     sensor = sensor or header.sensor
     if sensor is None:
@@ -114,7 +114,7 @@ def open_prophesee_raw(path: Path, sensor: SensorSize | None) -> list[EventSourc
         return _decode(path, header, _FORMATS[chosen], size, report)
 
     label = f"Prophesee {version}"
-    return [EventSource("camera", label, sensor, read, sensor_from=whence, facts=BINARY_FACTS)]
+    return [EventSource("camera", label, sensor, read, sensor_from=origin, facts=BINARY_FACTS)]
 
 
 def _decode(

@@ -27,7 +27,7 @@ from core.recordings.sources.readers import HEAD_BYTES, READERS, Recognise, reco
 from core.recordings.sources.ros import open_bag
 from core.recordings.sources.ros.bags import MCAP_MAGIC, ROS1_MAGIC, SQLITE_MAGIC, is_bag_folder
 from core.recordings.sources.sony_rallies import is_sony_file, is_sony_folder, open_sony_file, open_sony_folder
-from core.recordings.sources.source import EventSource, Whence
+from core.recordings.sources.source import EventSource, FactOrigin
 from core.recordings.sources.text import is_text_below_comments, open_text
 from core.text import compression_of
 
@@ -48,7 +48,7 @@ def open_sources(path: Path, sensor: SensorSize | None = None) -> list[EventSour
     found = _open_folder(path, sensor) if path.is_dir() else _open_file(path, sensor)
     if sensor is None:
         return found
-    return [replace(source, sensor_from=Whence.OPTION) for source in found]
+    return [replace(source, sensor_from=FactOrigin.OPTION) for source in found]
 
 
 def _open_file(path: Path, sensor: SensorSize | None) -> list[EventSource]:

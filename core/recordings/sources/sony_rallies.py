@@ -34,7 +34,7 @@ from core.geometry import invert_transform
 from core.recordings.hdf5 import dataset_at, group_at, read_whole
 from core.recordings.sources.hdf5_reading import read_in_parts
 from core.recordings.sources.making import make_table_source
-from core.recordings.sources.source import DecodeReport, EventSource, RawColumns, Whence
+from core.recordings.sources.source import DecodeReport, EventSource, FactOrigin, RawColumns
 from core.recordings.truth import BallTruth
 
 LABEL_SUFFIX: Final = "_label.h5"
@@ -251,7 +251,7 @@ def _open_camera(path: Path, name: str, sensor: SensorSize | None) -> EventSourc
 
     source = make_table_source(
         path, name, "rally of Sony's", size, lambda report: read_in_parts(path, rows, lengths["t"], report),
-        unit="us", unit_from=Whence.FORMAT, sensor_from=Whence.CALIBRATION, shift_us=t0_us,
+        unit="us", unit_from=FactOrigin.FORMAT, sensor_from=FactOrigin.CALIBRATION, shift_us=t0_us,
         remarks=(remark,) if remark else (),
     )  # fmt: skip
 

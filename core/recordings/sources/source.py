@@ -22,7 +22,7 @@ POLARITY: Final = "polarity"
 """Names of the facts that every reader states."""
 
 
-class Whence(StrEnum):
+class FactOrigin(StrEnum):
     """Where a fact about a file is from."""
 
     FORMAT = "format"
@@ -44,13 +44,13 @@ class Fact(NamedTuple):
     """Something that was found out about a file."""
 
     value: str
-    whence: Whence
+    origin: FactOrigin
     why: str = ""
     """What was assumed and from what; empty for what is certain."""
 
 
-MICROSECONDS: Final = Fact("microseconds", Whence.FORMAT)
-POLARITY_BIT: Final = Fact("0 = OFF, 1 = ON", Whence.FORMAT)
+MICROSECONDS: Final = Fact("microseconds", FactOrigin.FORMAT)
+POLARITY_BIT: Final = Fact("0 = OFF, 1 = ON", FactOrigin.FORMAT)
 BINARY_FACTS: Final[Mapping[str, Fact]] = MappingProxyType({TIME_UNIT: MICROSECONDS, POLARITY: POLARITY_BIT})
 """Facts about formats that define both."""
 
@@ -74,7 +74,7 @@ class RawColumns(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Stated:
+class ImportOptions:
     """What a person says of a file that does not say it itself; None is left to the reader."""
 
     time_unit: str | None = None
@@ -106,7 +106,7 @@ class DecodeReport:
     """Share of the source that has been read, 0..1."""
     notes: list[str] = field(default_factory=list)
     triggers: list[Triggers] = field(default_factory=list)
-    stated: Stated = Stated()
+    options: ImportOptions = ImportOptions()
     facts: dict[str, Fact] = field(default_factory=dict)
     """What was found out of the file on the way, by its name (`TIME_UNIT`, `POLARITY`); for `import --check`."""
     left_out: dict[str, int] = field(default_factory=dict)
@@ -175,7 +175,7 @@ class EventSource:
     """As the file itself tells."""
     pictures: tuple[PictureTrack, ...] = ()
     """Pictures of this camera and of ordinary cameras on the same clock."""
-    sensor_from: Whence = Whence.FILE
+    sensor_from: FactOrigin = FactOrigin.FILE
     """Where the sensor's size is from."""
     facts: Mapping[str, Fact] = field(default_factory=dict)
     """What is known before the first event is read; the report of the reading adds to them."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from core.errors import RecordingError
 from core.events import SensorSize
-from core.recordings.sources import EventSource, RawColumns, Whence, make_table_source, register_reader
+from core.recordings.sources import EventSource, FactOrigin, RawColumns, make_table_source, register_reader
 from core.recordings.sources.numpy_files import BROKEN, in_parts
 
 PARTS = ("dataset_events_t.npy", "dataset_events_xy.npy", "dataset_events_p.npy")
@@ -70,7 +70,7 @@ def source(path: Path, label: str, sensor: SensorSize | None, columns: tuple[NDA
     samsung = any("samsung" in part.lower() for part in path.parts)
     return make_table_source(
         path, "camera", label, sensor, lambda report: in_parts(rows, report),
-        unit="s" if rows.t.dtype.kind == "f" else None, unit_from=Whence.FORMAT,
+        unit="s" if rows.t.dtype.kind == "f" else None, unit_from=FactOrigin.FORMAT,
         assumed=(f"{path.name}: {FLIPPED}.",) if samsung else (),
     )  # fmt: skip
 

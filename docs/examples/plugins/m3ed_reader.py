@@ -18,7 +18,7 @@ from core.errors import CalibrationError, RecordingError
 from core.events import SensorSize
 from core.foreign_tables import UNIT_NAMES
 from core.recordings.hdf5 import HDF5_ERRORS, dataset_at, group_at
-from core.recordings.sources import EventSource, RawColumns, Whence, make_table_source, register_reader
+from core.recordings.sources import EventSource, FactOrigin, RawColumns, make_table_source, register_reader
 from core.recordings.sources.hdf5_reading import explain, read_in_parts, unit_by_index
 
 COLUMNS = ("t", "x", "y", "p")
@@ -63,8 +63,8 @@ def open_side(path: Path, side: str, group: h5py.Group, sensor: SensorSize | Non
         remarks += (f"{path.name}: the times of {side} count {UNIT_NAMES[unit]} by their index.",)
     source = make_table_source(
         path, side, "M3ED HDF5", size, lambda report: read_in_parts(path, rows, lengths["t"], report),
-        unit=unit, unit_from=Whence.FORMAT if unit == "us" else Whence.FILE,
-        sensor_from=Whence.CALIBRATION, remarks=remarks,
+        unit=unit, unit_from=FactOrigin.FORMAT if unit == "us" else FactOrigin.FILE,
+        sensor_from=FactOrigin.CALIBRATION, remarks=remarks,
     )  # fmt: skip
     return dataclasses.replace(source, calibration=camera) if isinstance(camera, Camera) else source
 

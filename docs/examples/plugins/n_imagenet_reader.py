@@ -10,7 +10,7 @@ import numpy as np
 
 from core.errors import RecordingError
 from core.events import SensorSize
-from core.recordings.sources import EventSource, RawColumns, Whence, make_table_source, register_reader
+from core.recordings.sources import EventSource, FactOrigin, RawColumns, make_table_source, register_reader
 from core.recordings.sources.numpy_files import BROKEN, in_parts
 
 SENSOR = SensorSize(640, 480)
@@ -37,11 +37,11 @@ def opens(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     if not {"x", "y", "t", "p"} <= set(events.dtype.names or ()):
         raise RecordingError("event_data has other fields", expected="x, y, t, p", got=events.dtype, where=path)
     rows = RawColumns(*(events[name].reshape(-1) for name in ("t", "x", "y", "p")))
-    whence = Whence.DATA_SET if sensor is None else Whence.FILE
+    origin = FactOrigin.DATA_SET if sensor is None else FactOrigin.FILE
     return [
         make_table_source(
             path, "camera", "N-ImageNet NumPy", sensor or SENSOR, lambda report: in_parts(rows, report),
-            unit="us", unit_from=Whence.FORMAT, sensor_from=whence,
+            unit="us", unit_from=FactOrigin.FORMAT, sensor_from=origin,
         )
     ]  # fmt: skip
 

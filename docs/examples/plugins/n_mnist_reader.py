@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from core.events import SensorSize
 from core.foreign_tables import ODD_SHARE, allowed_odd
-from core.recordings.sources import Columns, DecodeReport, EventSource, Whence, make_source, register_reader
+from core.recordings.sources import Columns, DecodeReport, EventSource, FactOrigin, make_source, register_reader
 from core.recordings.sources.checking import CUT_SHORT, note_padding, without_padding
 from core.recordings.sources.readers import READERS
 from core.text import compression_of
@@ -54,8 +54,8 @@ def opens(path: Path, sensor: SensorSize | None) -> list[EventSource]:
         report.share = 1.0
 
     known = sensor or (SENSOR if np.count_nonzero(outside) <= most_odd(columns) else None)
-    whence = Whence.FILE if sensor is not None else Whence.DATA_SET
-    return [make_source(path, "camera", "N-MNIST, 40-bit events", known, decode, sensor_from=whence)]
+    origin = FactOrigin.FILE if sensor is not None else FactOrigin.DATA_SET
+    return [make_source(path, "camera", "N-MNIST, 40-bit events", known, decode, sensor_from=origin)]
 
 
 def read(path: Path) -> tuple[Columns, int, int]:

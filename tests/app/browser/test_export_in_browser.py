@@ -7,9 +7,9 @@ import pytest
 
 from app.export.scenes.scene_file import export_scene
 from app.export.selection import Span
-from core.chain import ChainConfig
 from core.recordings import open_recording
 from tests.app.browser.window import count_like, open_page, save_screenshot
+from tests.app.export.tasks import task_of
 from tests.waiting import PATIENCE_S, eventually
 
 TABLE, TOO_BRIGHT = (45, 122, 205), (160, 205, 243)
@@ -51,7 +51,7 @@ def test_a_part_of_a_recording_becomes_a_rerun_file_that_can_be_downloaded(windo
 def test_a_scene_as_a_page_is_lit_as_in_the_app_whenever_it_plays(chromium, serve_recording, tmp_path) -> None:
     with open_recording(serve_recording) as recording:
         span = Span(300_000, 340_000)
-        path = export_scene(recording, tmp_path / "scene.html", span, ChainConfig(), as_html=True, stride_us=20_000)
+        (path,) = export_scene(task_of(recording, tmp_path / "scene.html", span, format="html", stride_us=20_000))
     page = open_page(chromium, 640, 400)
     page.goto(path.as_uri())
     seen = []

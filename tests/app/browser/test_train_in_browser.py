@@ -109,9 +109,9 @@ def test_one_button_makes_a_film_of_the_training(
 ) -> None:
     make = run_panel.export_training_film
 
-    def once_cancelled(run, path, *, cancelled, **more):  # a fast machine is done before anybody could cancel
-        eventually(cancelled, "the film to be cancelled")
-        return make(run, path, cancelled=cancelled, **more)
+    def once_cancelled(task):  # a fast machine is done before anybody could cancel
+        eventually(task.cancelled, "the film to be cancelled")
+        return make(task)
 
     monkeypatch.setattr(run_panel, "export_training_film", once_cancelled)
     mode = enter(window)

@@ -18,8 +18,7 @@ from core.config import save_config
 from core.events import SensorSize
 from core.learning.config import EnvironmentConfig, default_run
 from core.learning.runs.run_files import load_policy, read_lines, read_run, seed_files
-from core.learning.runs.training import BALLS
-from core.learning.task.environment import draw_serve_batch
+from core.learning.task.environment import BALLS, draw_serve_batch
 from core.live.link.guard import ServerKeys, make_keys, read_server_keys
 from core.live.link.server import ServerConfig, SimulationServer
 from tests.core.learning.task.test_recorded_balls import write_states

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from core.recordings.import_feeds import source_uuid
+from core.recordings.import_feeds import ImportOrder, source_uuid
+from core.recordings.sources.source import ImportOptions
 
 SAMPLE = 64 << 10
 LARGE = SAMPLE * 64 * 2 + 12_345
@@ -82,3 +83,5 @@ def test_an_identity_is_the_same_in_every_version(tmp_path: Path) -> None:
     """Labels on disk refer to it: this one was computed when it was first written down."""
     (tmp_path / "a").write_bytes(b"events")
     assert source_uuid([tmp_path / "a"], "raw") == "ae4d8772-af71-5142-b564-1e98c31340a2"
+    order = ImportOrder([tmp_path / "a"], options=ImportOptions("ms", {"1": True, "2": False}))
+    assert order.uuid(["camera"]) == "d2bfbb54-fa09-556c-9b6d-9d1b48a1d2b7", "so do the options of the import"

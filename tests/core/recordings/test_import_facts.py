@@ -15,7 +15,7 @@ from core.events import SensorSize, concatenate_events
 from core.recordings import ImportOrder, check_import, import_recording, open_recording
 from core.recordings.sources import open_sources
 from core.recordings.sources.readers import HEAD_BYTES, READERS, recognised
-from core.recordings.sources.source import POLARITY, TIME_UNIT, DecodeReport, Stated, Whence
+from core.recordings.sources.source import POLARITY, TIME_UNIT, DecodeReport, FactOrigin, ImportOptions
 from tests.core.recordings.conftest import FORMATS, random_events
 from tests.core.recordings.sources import test_address_formats as addresses
 from tests.core.recordings.sources import test_evt4 as evt4
@@ -137,10 +137,10 @@ def test_every_reader_states_every_fact_and_the_import_finds_the_same(built, tmp
     facts = check_import(ImportOrder([path]))
     assert facts is not None and facts.complete
     assert listing(tmp_path) == before  # nothing is written
-    whences = {str(one) for one in Whence}
+    origins = {str(one) for one in FactOrigin}
     for camera in facts.cameras:
         assert camera.format and camera.width_px > 0 and camera.height_px > 0
-        assert {camera.sensor_from, camera.time_unit_from, camera.polarity_from} <= whences
+        assert {camera.sensor_from, camera.time_unit_from, camera.polarity_from} <= origins
         assert camera.time_unit in ("seconds", "milliseconds", "microseconds", "nanoseconds")
         assert "= ON" in camera.polarity and "= OFF" in camera.polarity
         assert camera.events == camera.on_events + camera.off_events > 0
@@ -235,8 +235,8 @@ def test_reserved_words_and_addresses_outside_are_counted_in_a_stream(tmp_path):
 def test_what_is_stated_counts_and_a_contradiction_is_said(tmp_path, unit):
     path = tmp_path / "a.csv"
     path.write_text("t_us,x,y,p\n1000,1,2,1\n3000,3,4,2\n")
-    stated = Stated(unit, {"1": True, "2": False})
-    facts = check_import(ImportOrder([path], sensor=VGA, stated=stated))
+    options = ImportOptions(unit, {"1": True, "2": False})
+    facts = check_import(ImportOrder([path], sensor=VGA, options=options))
     assert facts is not None
     (camera,) = facts.cameras
     assert (camera.time_unit_from, camera.polarity_from) == ("option", "option")
@@ -248,7 +248,7 @@ def test_what_is_stated_counts_and_a_contradiction_is_said(tmp_path, unit):
 def test_options_that_a_format_does_not_need_are_said_to_be_unused(tmp_path):
     path = tmp_path / "a.raw"
     write_evt4(path)
-    facts = check_import(ImportOrder([path], stated=Stated("ns", {"1": False, "0": True})))
+    facts = check_import(ImportOrder([path], options=ImportOptions("ns", {"1": False, "0": True})))
     assert facts is not None
     assert [note for note in facts.notes if "was not used" in note] == [
         "--time-unit was not used: Prophesee EVT4 defines its time unit.",

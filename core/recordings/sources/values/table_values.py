@@ -16,7 +16,16 @@ from numpy.typing import NDArray
 from core.errors import RecordingError
 from core.foreign_tables import FEW_ODD, UNIT_NAMES, UNITS_US, allowed_odd
 from core.recordings.layout import MAX_TIME_US
-from core.recordings.sources.source import POLARITY, TIME_UNIT, Columns, DecodeReport, Fact, RawColumns, Stated, Whence
+from core.recordings.sources.source import (
+    POLARITY,
+    TIME_UNIT,
+    Columns,
+    DecodeReport,
+    Fact,
+    FactOrigin,
+    ImportOptions,
+    RawColumns,
+)
 from core.recordings.sources.table_columns import addresses_from_column, has_fractions
 from core.recordings.sources.values.assumed_sizes import AddressCounts
 
@@ -48,7 +57,7 @@ _NUMBERS: Final[tuple[dict[float, bool], ...]] = (
 
 
 @dataclass(slots=True)
-class Survey:
+class TableSummary:
     """What the rows of a table have in common; a few odd ones among them do not change it."""
 
     rows: int = 0
@@ -133,16 +142,16 @@ def _are_thousandths(t: NDArray) -> NDArray[np.bool_]:
         return np.abs(steps - np.rint(steps)) < 1e-3
 
 
-def survey(parts: Iterable[RawColumns]) -> Survey:
+def summarise_table(parts: Iterable[RawColumns]) -> TableSummary:
     """Look at all rows once."""
-    seen = Survey()
+    seen = TableSummary()
     for part in parts:
         seen.add(part)
     return seen
 
 
 @dataclass(frozen=True, slots=True)
-class Meaning:
+class TableInterpretation:
     """How the rows of a table are read."""
 
     unit: str
@@ -175,9 +184,9 @@ def in_us(t: NDArray, unit: str) -> NDArray[np.int64]:
     return t // 1000 if unit == "ns" else t * int(UNITS_US[unit])
 
 
-def find_meaning(
-    seen: Survey, hint: str | None, report: DecodeReport, *, where: str, unit_from: Whence = Whence.FILE
-) -> Meaning:
+def interpret_table(
+    seen: TableSummary, hint: str | None, report: DecodeReport, *, where: str, unit_from: FactOrigin = FactOrigin.FILE
+) -> TableInterpretation:
     """What the values mean; `hint` is the unit that the file itself, or as `unit_from` says its format, states.
 
     Raises:
@@ -189,11 +198,11 @@ def find_meaning(
     if seen.between_pixels:
         text = "addresses have fractions, as of undistorted events; the nearest pixels are kept"
         report.notes.append(f"{where}: {text}.")
-    on = _polarity(seen, report.stated, report, where)
-    return Meaning(unit, on)
+    on = _polarity(seen, report.options, report, where)
+    return TableInterpretation(unit, on)
 
 
-def _refuse_lost_times(seen: Survey, where: str) -> None:
+def _refuse_lost_times(seen: TableSummary, where: str) -> None:
     """Refuse times since 1970 that were rounded where the file was written: in 32 bits, or to a few digits of text.
 
     Raises:
@@ -211,7 +220,7 @@ def _refuse_lost_times(seen: Survey, where: str) -> None:
     raise RecordingError(what, got=got, where=where, remedy=remedy)
 
 
-def _check_steps(seen: Survey, unit: str, report: DecodeReport, where: str) -> None:
+def _check_steps(seen: TableSummary, unit: str, report: DecodeReport, where: str) -> None:
     """Say if all events have one time, or if 32 bits hold the times in large steps.
 
     Raises:
@@ -228,8 +237,8 @@ def _check_steps(seen: Survey, unit: str, report: DecodeReport, where: str) -> N
         report.assume(f"{where}: all {seen.rows:,} events have one time, {seen.low_t:.10g}; were the times rounded?")
 
 
-def _unit(seen: Survey, hint: str | None, unit_from: Whence, report: DecodeReport, where: str) -> str:
-    stated = report.stated.time_unit
+def _unit(seen: TableSummary, hint: str | None, unit_from: FactOrigin, report: DecodeReport, where: str) -> str:
+    stated = report.options.time_unit
     if stated is None and hint is not None and hint not in UNITS_US:
         expected, remedy = ", ".join(UNITS_US), "give --time-unit with the one that it is"
         raise RecordingError(
@@ -237,20 +246,20 @@ def _unit(seen: Survey, hint: str | None, unit_from: Whence, report: DecodeRepor
         )
     if stated is not None or hint is not None or not seen.rows:
         unit = stated or hint or "us"
-        whence = Whence.OPTION if stated else unit_from if hint is not None else Whence.ASSUMED
-        report.facts[TIME_UNIT] = Fact(UNIT_NAMES[unit], whence)
+        origin = FactOrigin.OPTION if stated else unit_from if hint is not None else FactOrigin.ASSUMED
+        report.facts[TIME_UNIT] = Fact(UNIT_NAMES[unit], origin)
         if stated is not None and hint not in (None, stated):
             report.assume(f"{where}: its times are read as {UNIT_NAMES[unit]} (--time-unit), though it says {hint}.")
         elif hint is not None:
             _check_stated_unit(seen, hint, report, where)
         return unit
     unit, why = _unit_by_values(seen, where)
-    report.facts[TIME_UNIT] = Fact(UNIT_NAMES[unit], Whence.ASSUMED, why)
+    report.facts[TIME_UNIT] = Fact(UNIT_NAMES[unit], FactOrigin.ASSUMED, why)
     report.assume(f"{where} does not name the unit of its times; {UNIT_NAMES[unit]} are assumed: {why}.")
     return unit
 
 
-def _unit_by_values(seen: Survey, where: str) -> tuple[str, str]:
+def _unit_by_values(seen: TableSummary, where: str) -> tuple[str, str]:
     """The unit that the times themselves are likely to have, and why."""
     # Whole seconds since 1970 would leave one time for thousands of events; they are microseconds since the start.
     epoch = next((unit for unit, low, high in _EPOCHS if low <= seen.low_t and seen.high_t < high), None)
@@ -262,7 +271,7 @@ def _unit_by_values(seen: Survey, where: str) -> tuple[str, str]:
     return "s", "they have fractions"
 
 
-def _why_microseconds(seen: Survey, where: str) -> str:
+def _why_microseconds(seen: TableSummary, where: str) -> str:
     """Why whole numbers are microseconds, and what speaks against it.
 
     Raises:
@@ -287,7 +296,7 @@ def _why_microseconds(seen: Survey, where: str) -> str:
     return why
 
 
-def _check_seconds(seen: Survey, where: str) -> None:
+def _check_seconds(seen: TableSummary, where: str) -> None:
     """Hold times with fractions against a recording's length, were they seconds.
 
     Raises:
@@ -313,7 +322,7 @@ def _check_seconds(seen: Survey, where: str) -> None:
         )
 
 
-def _check_stated_unit(seen: Survey, unit: str, report: DecodeReport, where: str) -> None:
+def _check_stated_unit(seen: TableSummary, unit: str, report: DecodeReport, where: str) -> None:
     """Hold the unit that a file states against its times.
 
     Raises:
@@ -338,15 +347,17 @@ def _check_stated_unit(seen: Survey, unit: str, report: DecodeReport, where: str
     report.notes.append(f"{where}: if its times are {UNIT_NAMES[unit]}, as it states, {text}; see --time-unit.")
 
 
-def _us_is_likelier(seen: Survey) -> bool:
+def _us_is_likelier(seen: TableSummary) -> bool:
     """Whether whole numbers that could be milliseconds since 1970 are finer than milliseconds of a camera are."""
     return seen.whole and seen.span_t > 4 * seen.rows
 
 
-def _polarity(seen: Survey, stated: Stated, report: DecodeReport, where: str) -> Mapping[str | float, bool]:
+def _polarity(
+    seen: TableSummary, options: ImportOptions, report: DecodeReport, where: str
+) -> Mapping[str | float, bool]:
     values = seen.polarities
-    if stated.polarity is not None:
-        found: Mapping[str | float, bool] | None = {_key(word): value for word, value in stated.polarity.items()}
+    if options.polarity is not None:
+        found: Mapping[str | float, bool] | None = {_key(word): value for word, value in options.polarity.items()}
         known = sum(count for value, count in values.items() if value in found)
     else:
         found, known = _known_pair(values)
@@ -356,7 +367,7 @@ def _polarity(seen: Survey, stated: Stated, report: DecodeReport, where: str) ->
     if found is None or seen.rows - known > allowed:
         raise _unknown_polarities(values, where)
     kept = {value: on for value, on in found.items() if value in values}
-    _report_polarity(kept, seen.rows, report, where, stated=stated.polarity is not None)
+    _report_polarity(kept, seen.rows, report, where, stated=options.polarity is not None)
     return found
 
 
@@ -377,8 +388,8 @@ def _report_polarity(
     """Note what the values that occur mean, and what was assumed of them."""
     meanings = ", ".join(f"{_shown(value)} = {'ON' if on else 'OFF'}" for value, on in sorted(kept.items(), key=str))
     certain = all(isinstance(value, str) or value <= 1 for value in kept)
-    whence = Whence.OPTION if stated else Whence.FILE if certain else Whence.ASSUMED
-    report.facts[POLARITY] = Fact(meanings or "no events", whence)
+    origin = FactOrigin.OPTION if stated else FactOrigin.FILE if certain else FactOrigin.ASSUMED
+    report.facts[POLARITY] = Fact(meanings or "no events", origin)
     if stated:
         return
     large = [on for value, on in kept.items() if isinstance(value, float) and value > 1]

@@ -16,6 +16,7 @@ from core.errors import CommandError
 from core.events import Events, SensorSize
 from core.recordings import ImportOrder, import_recording, open_recording
 from core.recordings.evt3_encoder import Evt3Encoder, evt3_header
+from tests.app.export.tasks import task_of
 
 SPAN = Span(100_500, 400_000)
 EXPORTS = {"dsec": export_dsec, "evt3": export_evt3, "csv": export_csv}
@@ -40,7 +41,7 @@ def read_evt(path: Path) -> list[np.ndarray]:
 
 
 def test_plain_h5py_reads_the_dsec_layout(recording, tmp_path) -> None:
-    left, right = export_dsec(recording, tmp_path, SPAN)
+    left, right = export_dsec(task_of(recording, tmp_path, SPAN))
     assert (left.name, right.name) == ("left.h5", "right.h5")
     with h5py.File(left) as file:
         t, x, y, p = (np.asarray(file[f"events/{name}"]) for name in "txyp")
@@ -52,7 +53,7 @@ def test_plain_h5py_reads_the_dsec_layout(recording, tmp_path) -> None:
 
 
 def test_faery_reads_the_evt3_file(recording, tmp_path) -> None:
-    _, right = export_evt3(recording, tmp_path, SPAN)
+    _, right = export_evt3(task_of(recording, tmp_path, SPAN))
     t, x, y, on = read_evt(right)
     assert same(recording.cameras["right"].slice(100_500, 400_000), t.astype(np.int64) + SPAN.start_us, x, y, on)
 
@@ -62,7 +63,7 @@ def test_the_report_says_by_how_much_an_import_of_the_files_is_shifted(recording
     note = time_note(name, recording, SPAN)
     assert f"count from {SPAN.start_us} us" in note and time_note("csv", recording, SPAN) == ""
     shift_us = int(re.findall(r"add (\d+) us", note)[0])
-    import_recording(ImportOrder(EXPORTS[name](recording, tmp_path, SPAN)), tmp_path / "again.h5")
+    import_recording(ImportOrder(EXPORTS[name](task_of(recording, tmp_path, SPAN))), tmp_path / "again.h5")
     with open_recording(tmp_path / "again.h5") as again:
         back, original = (one.cameras["left"] for one in (again, recording))
         assert np.array_equal(back.slice(0, SPAN.length_us).t_us + shift_us, original.slice(100_500, 400_000).t_us)
@@ -84,7 +85,7 @@ def test_evt3_survives_a_silence_longer_than_its_clock(tmp_path) -> None:
 
 
 def test_the_tables_hold_every_event_and_the_truth(recording, tmp_path) -> None:
-    files = export_csv(recording, tmp_path, SPAN, groups=recording.read_rows)
+    files = export_csv(task_of(recording, tmp_path, SPAN))
     assert {path.name for path in files} == {
         "left.csv", "right.csv", "ground_truth_ball.csv", "ground_truth_left.csv", "ground_truth_right.csv"
     }  # fmt: skip
@@ -99,7 +100,7 @@ def test_the_tables_hold_every_event_and_the_truth(recording, tmp_path) -> None:
 
 @pytest.mark.parametrize("name", ["dsec", "evt3", "csv"])
 def test_our_import_takes_the_files_back(name, recording, tmp_path) -> None:
-    first = EXPORTS[name](recording, tmp_path, SPAN)[0]
+    first = EXPORTS[name](task_of(recording, tmp_path, SPAN))[0]
     with open_recording(first, sensor=SensorSize(1280, 720)) as back:
         events = next(iter(back.cameras.values())).slice(0, 10**7)
     original = recording.cameras["left"].slice(SPAN.start_us, SPAN.end_us)
@@ -111,14 +112,14 @@ def test_our_import_takes_the_files_back(name, recording, tmp_path) -> None:
 def test_an_export_that_is_cancelled_leaves_nothing(name, recording, tmp_path) -> None:
     asked = iter([False] * 4 + [True] * 99)
     with pytest.raises(ExportCancelledError):
-        EXPORTS[name](recording, tmp_path / "out", SPAN, cancelled=lambda: next(asked))
+        EXPORTS[name](task_of(recording, tmp_path / "out", SPAN, cancelled=lambda: next(asked)))
     assert list((tmp_path / "out").iterdir()) == []
 
 
 def test_what_exists_is_kept_unless_told_otherwise(recording, tmp_path) -> None:
     (tmp_path / "right.raw").write_text("mine")
     with pytest.raises(CommandError, match="exists already"):
-        export_evt3(recording, tmp_path, SPAN)
+        export_evt3(task_of(recording, tmp_path, SPAN))
     assert [path.name for path in tmp_path.iterdir()] == ["right.raw"]
-    export_evt3(recording, tmp_path, SPAN, overwrite=True)
+    export_evt3(task_of(recording, tmp_path, SPAN, overwrite=True))
     assert (tmp_path / "right.raw").read_bytes().startswith(b"% evt 3.0\n")

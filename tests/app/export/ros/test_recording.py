@@ -21,6 +21,7 @@ from core.errors import CommandError
 from core.events import Events, SensorSize
 from core.recordings import RecordingWriter, open_recording
 from core.recordings.sources import open_sources
+from tests.app.export.tasks import task_of
 
 SPAN = Span(100_500, 400_000)
 CHAIN = ChainConfig.of_method("refined")
@@ -35,7 +36,7 @@ def recording(serve_recording):
 @pytest.fixture(scope="module")
 def mcap_file(recording, tmp_path_factory):
     path = tmp_path_factory.mktemp("mcap") / "rally.mcap"
-    return export_mcap(recording, path, SPAN, CHAIN, stride_us=20_000, groups=recording.read_rows)
+    return export_mcap(task_of(recording, path, SPAN, chain=CHAIN, stride_us=20_000))[0]
 
 
 @pytest.fixture(scope="module")
@@ -74,14 +75,14 @@ def same_events(path, recording, name):
 
 
 def test_a_bag_is_read_back_event_for_event_with_its_calibration(recording, tmp_path):
-    files = export_rosbag(recording, tmp_path / "rally", SPAN)
+    files = export_rosbag(task_of(recording, tmp_path / "rally", SPAN))
     assert [file.name for file in files] == ["metadata.yaml", "rally.db3"]
     for name in ("left", "right"):
         same_events(tmp_path / "rally", recording, name)
 
 
 def test_rosbags_reads_the_bag_and_its_packets_are_those_of_event_cameras(recording, tmp_path):
-    export_rosbag(recording, tmp_path / "rally", SPAN)
+    export_rosbag(task_of(recording, tmp_path / "rally", SPAN))
     with AnyReader([tmp_path / "rally"]) as reader:
         kinds = {one.topic: one.msgtype for one in reader.connections}
         assert kinds["/left/events"] == "event_camera_msgs/msg/EventPacket"
@@ -169,7 +170,7 @@ def test_pictures_triggers_the_camera_clock_and_a_long_silence_survive(tmp_path)
         writer.write_frames("rgb", np.array([5, 20_000_000]), np.array([100, 100]), pictures)
     with open_recording(tmp_path / "a.h5") as recording:
         span = Span(0, recording.duration_us)
-        path = export_mcap(recording, tmp_path / "a.mcap", span, CHAIN, stride_us=10_000_000)
+        (path,) = export_mcap(task_of(recording, tmp_path / "a.mcap", span, chain=CHAIN, stride_us=10_000_000))
     with open_recording(path) as back:
         (camera,) = back.cameras.values()
         again = camera.slice(0, back.duration_us)
@@ -183,17 +184,17 @@ def test_pictures_triggers_the_camera_clock_and_a_long_silence_survive(tmp_path)
 
 def test_a_cancelled_export_leaves_nothing(recording, tmp_path):
     with pytest.raises(ExportCancelledError):
-        export_mcap(recording, tmp_path / "a.mcap", SPAN, CHAIN, stride_us=20_000, cancelled=lambda: True)
+        export_mcap(task_of(recording, tmp_path / "a.mcap", SPAN, chain=CHAIN, cancelled=lambda: True))
     with pytest.raises(ExportCancelledError):
-        export_rosbag(recording, tmp_path / "bag", SPAN, cancelled=lambda: True)
+        export_rosbag(task_of(recording, tmp_path / "bag", SPAN, cancelled=lambda: True))
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
 
 
 def test_a_bag_is_not_replaced_without_being_asked(recording, tmp_path):
-    export_rosbag(recording, tmp_path / "rally", SPAN)
+    export_rosbag(task_of(recording, tmp_path / "rally", SPAN))
     with pytest.raises(CommandError, match="exists already"):
-        export_rosbag(recording, tmp_path / "rally", SPAN)
-    export_rosbag(recording, tmp_path / "rally", SPAN, overwrite=True)
+        export_rosbag(task_of(recording, tmp_path / "rally", SPAN))
+    export_rosbag(task_of(recording, tmp_path / "rally", SPAN, overwrite=True))
     same_events(tmp_path / "rally", recording, "left")
 
 
@@ -214,7 +215,7 @@ def test_a_lens_is_written_by_the_name_that_ros_has_and_read_back(tmp_path, lens
     with RecordingWriter(tmp_path / "a.h5", {"eye": sensor}, calibration={"eye": camera}) as writer:
         writer.append("eye", events)
     with open_recording(tmp_path / "a.h5") as recording:
-        export_rosbag(recording, tmp_path / "bag", Span(0, 10))
+        export_rosbag(task_of(recording, tmp_path / "bag", Span(0, 10)))
     with AnyReader([tmp_path / "bag"]) as reader:
         (info,) = [reader.deserialize(data, c.msgtype) for c, _, data in reader.messages() if "camera_info" in c.topic]
     assert info.distortion_model == name and info.d.tolist() == lens[:8]
@@ -231,5 +232,5 @@ def test_a_lens_that_ros_has_no_name_for_is_refused(tmp_path):
         writer.append("eye", Events(np.array([0]), np.array([1]), np.array([3]), np.array([True]), sensor))
     refused = pytest.raises(CommandError, match="ROS has no name for a lens")
     with open_recording(tmp_path / "a.h5") as recording, refused:
-        export_rosbag(recording, tmp_path / "bag", Span(0, 10))
+        export_rosbag(task_of(recording, tmp_path / "bag", Span(0, 10)))
     assert not (tmp_path / "bag").exists()

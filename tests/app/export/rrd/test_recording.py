@@ -14,7 +14,7 @@ from rerun.error_utils import strict_mode
 
 from app.cli import main
 from app.export.rrd.camera import EventStage, PictureJob, make_picture
-from app.export.rrd.recording import RrdContents, export_rrd
+from app.export.rrd.recording import export_rrd
 from app.export.selection import Span, polarity_png, span_of
 from app.export.steps import ChainFollower
 from app.export.unfinished import ExportCancelledError
@@ -25,6 +25,7 @@ from core.errors import CommandError
 from core.recordings import RecordingWriter, open_recording
 from labels.model import Label, LabelState
 from labels.store import LabelStore
+from tests.app.export.tasks import task_of
 from tests.waiting import PATIENCE_S
 
 SPAN = Span(100_000, 260_000)
@@ -59,8 +60,8 @@ def exported(serve_recording: Path, tmp_path_factory) -> Path:
     with open_recording(serve_recording) as recording:
         path = tmp_path_factory.mktemp("rrd") / "serve.rrd"
         shares: list[float] = []
-        contents = RrdContents(chain=ChainConfig.of_method("auto"))  # it has stages
-        export_rrd(recording, path, SPAN, contents, groups=recording.read_rows, progress=shares.append)
+        chain = ChainConfig.of_method("auto")  # it has stages
+        export_rrd(task_of(recording, path, SPAN, chain=chain, progress=shares.append))
         assert shares[-1] == 1.0 and shares == sorted(shares)
         return path
 
@@ -136,7 +137,7 @@ def test_a_method_without_stages_has_pictures_and_detections_but_no_stages(serve
 def test_a_cancelled_export_leaves_no_file(serve_recording: Path, tmp_path) -> None:
     asked = iter([False] * 20 + [True] * 1000)
     with open_recording(serve_recording) as recording, pytest.raises(ExportCancelledError):
-        export_rrd(recording, tmp_path / "a.rrd", SPAN, RrdContents(), cancelled=lambda: next(asked))
+        export_rrd(task_of(recording, tmp_path / "a.rrd", SPAN, cancelled=lambda: next(asked)))
     assert list(tmp_path.iterdir()) == []
 
 

@@ -15,6 +15,7 @@ from app.export.rrd.run import export_run, moving_mean
 from core.errors import CommandError
 from core.learning.config import RunConfig
 from core.learning.runs.run_files import create_run, seed_files
+from tests.app.export.tasks import run_task
 from tests.waiting import PATIENCE_S
 
 
@@ -64,7 +65,7 @@ def test_a_run_has_no_events_to_export_and_must_have_been_played(run: Path, tmp_
     for seed in (0, 3):
         seed_files(run, seed).metrics.unlink()
     with pytest.raises(CommandError, match="nothing was played"):
-        export_run(run, tmp_path / "y.rrd")
+        export_run(run_task(run, tmp_path / "y.rrd"))
     assert not (tmp_path / "y.rrd").exists()
 
 

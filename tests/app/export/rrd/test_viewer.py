@@ -19,6 +19,7 @@ from core.live.link.server import ServerConfig, SimulationServer
 from core.live.ring_recording import RingRecording
 from core.recordings import open_recording
 from tests.app.export.rrd.rerun_viewer import end, entities, viewer
+from tests.app.export.tasks import task_of
 from tests.waiting import eventually
 
 SPAN = Span(200_000, 300_000)
@@ -27,7 +28,7 @@ SPAN = Span(200_000, 300_000)
 @pytest.mark.gate
 def test_a_viewer_is_sent_what_the_file_would_hold(serve_recording: Path, tmp_path: Path) -> None:
     with open_recording(serve_recording) as recording:
-        export_rrd(recording, tmp_path / "file.rrd", SPAN, RrdContents(), groups=recording.read_rows)
+        export_rrd(task_of(recording, tmp_path / "file.rrd", SPAN))
         with viewer(tmp_path / "seen.rrd") as (address, _):
             shares: list[float] = []
             stream_recording(

@@ -33,6 +33,7 @@ from core.learning.config import default_run
 from core.learning.runs.run_files import create_run, read_run, seed_files
 from core.learning.runs.running import run_training
 from core.physics.episode import Case
+from tests.app.export.tasks import run_task
 from tests.waiting import PATIENCE_S
 
 
@@ -70,7 +71,7 @@ def test_figures_are_of_the_balls_so_far_and_never_of_later_ones(run: Path) -> N
 
 def test_the_film_holds_each_ball_for_as_long_as_it_flew(run: Path, tmp_path: Path) -> None:
     shares: list[float] = []
-    path = export_training_film(run, tmp_path / "a.mp4", seed=1, progress=shares.append)
+    (path,) = export_training_film(run_task(run, tmp_path / "a.mp4", seed=1, progress=shares.append))
     environment = read_run(run).environment
     frames = 0
     for index in shown_balls(24):
@@ -102,20 +103,20 @@ def test_the_chart_draws_the_errors(run: Path) -> None:
 def test_a_cancelled_film_leaves_nothing(run: Path, tmp_path: Path) -> None:
     asked = iter(range(1000))
     with pytest.raises(ExportCancelledError):
-        export_training_film(run, tmp_path / "a.mp4", cancelled=lambda: next(asked) > 12)
+        export_training_film(run_task(run, tmp_path / "a.mp4", cancelled=lambda: next(asked) > 12))
     assert not list(tmp_path.iterdir())
 
 
 def test_what_cannot_be_filmed_is_said(run: Path, tmp_path: Path) -> None:
     with pytest.raises(CommandError, match="no ball to film"):
-        export_training_film(run, tmp_path / "a.mp4", seed=7)
+        export_training_film(run_task(run, tmp_path / "a.mp4", seed=7))
     with pytest.raises(ConfigError, match="not a training run"):
-        export_training_film(tmp_path, tmp_path / "a.mp4")
+        export_training_film(run_task(tmp_path, tmp_path / "a.mp4"))
     damaged = tmp_path / "damaged"
     shutil.copytree(run, damaged)
     seed_files(damaged, 0).metrics.write_text('{"episode": 0}\n' * 3)
     with pytest.raises(CommandError, match="no ball that can be filmed"):
-        export_training_film(damaged, tmp_path / "a.mp4")
+        export_training_film(run_task(damaged, tmp_path / "a.mp4"))
     assert not (tmp_path / "a.mp4").exists()
 
 

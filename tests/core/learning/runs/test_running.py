@@ -43,8 +43,8 @@ TRAIN = (
 TRAIN_STEPWISE = """
 import sys
 from pathlib import Path
-from core.learning.runs import running
-running.STATUS_EVERY_S = 0.0  # every line of the metrics is on disk at once
+from core.learning.runs import running, training
+training.STATUS_EVERY_S = 0.0  # every line of the metrics is on disk at once
 def stopped():
     print(flush=True)
     return not sys.stdin.readline()

@@ -9,7 +9,7 @@ import pytest
 from core.errors import RecordingError
 from core.events import SensorSize, concatenate_events
 from core.recordings.sources import open_sources
-from core.recordings.sources.source import DecodeReport, Stated, Whence
+from core.recordings.sources.source import DecodeReport, FactOrigin, ImportOptions
 from core.recordings.sources.table_columns import unit_of_name
 from core.recordings.sources.values.stated_sizes import size_in_attributes
 from core.recordings.sources.values.table_order import guess_columns
@@ -100,7 +100,7 @@ def test_one_address_outside_is_left_out_and_counted(tmp_path):
     assert len(events) == 199 and 70 not in events.t_us
     assert report.notes == ["events: 1 events outside the 10x10 sensor were left out (addresses up to 1, 33014)."]
     assert str(open_sources(path)[0].sensor) == "128x128"  # nor does it make the sensor larger
-    assert sources[0].sensor_from == Whence.OPTION
+    assert sources[0].sensor_from == FactOrigin.OPTION
 
 
 def test_rows_out_of_order_are_sorted_and_noted(tmp_path):
@@ -174,7 +174,7 @@ def test_polarities_that_cannot_be_told_are_asked_for(tmp_path):
     with pytest.raises(RecordingError, match=r"which polarity is ON cannot be told.*got 1, 2; give --polarity"):
         read_all(path)
     (source,) = open_sources(path)
-    report = DecodeReport(stated=Stated(polarity={"1": True, "2": False}))
+    report = DecodeReport(options=ImportOptions(polarity={"1": True, "2": False}))
     events = concatenate_events(list(source.read(report)), source.sensor)
     np.testing.assert_array_equal(events.on, k % 2 == 0)
 
@@ -195,7 +195,7 @@ def test_units_are_told_by_the_values_or_stated(tmp_path, t, unit, first_us, las
     with path.open("wb") as file:
         np.savez(file, t=t, x=k % 64, y=k % 48, p=k % 2, width=64, height=48)
     (source,) = open_sources(path)
-    report = DecodeReport(stated=Stated(time_unit=unit))
+    report = DecodeReport(options=ImportOptions(time_unit=unit))
     events = concatenate_events(list(source.read(report)), source.sensor)
     assert events.t_us[0] == first_us and last_us in (None, events.t_us[-1])
     assert len(report.notes) == (1 if unit is None else 0)

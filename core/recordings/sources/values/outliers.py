@@ -27,7 +27,7 @@ GOOD, STRAY, OUTSIDE, DAMAGED = range(4)
 RUNNING, BACK, AHEAD = range(3)
 """How a stream ended: not yet, or because its time jumps for good."""
 NOW, STARTED, KEPT, LATE, LATEST, WRAPS, EPOCH, END, MAX_X, MAX_Y, FAR_LOOKS, FIRST = range(12)
-"""Places in the state of `sift`."""
+"""Places in the state of `mark_outliers`."""
 
 
 class Rows(NamedTuple):
@@ -54,7 +54,7 @@ class AddressBounds(NamedTuple):
     """Whether a late event gets the time before it; without, it keeps its own."""
 
 
-def start_sifting() -> np.ndarray:
+def start_state() -> np.ndarray:
     """The state in front of the first event."""
     return np.zeros(12, np.int64)
 
@@ -133,7 +133,7 @@ def _judge_step(t, i, state, bounds):
 
 
 @njit
-def sift(rows, ready, bounds, state):
+def mark_outliers(rows, ready, bounds, state):
     """Judge the first `ready` of the rows; the others are only looked at. Returns how many were judged.
 
     Writes what each event is to `kind`, and puts right the times: clocks that begin again at 0 run on, and of late
