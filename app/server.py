@@ -101,7 +101,8 @@ class App:
         self.services = Services.of(workspace, library, viewer_address, places)
         """Services shared by all browsers."""
         self.services.rallies.prediction = prediction
-        self._constants, self._hit = constants, hit
+        self._constants = constants
+        self._hit: HitRule | None = hit
         if constants is not None:
             self.services.rallies.followings.chain = chain_with_constants(ChainConfig(), constants)
         self._first_recording = first_recording

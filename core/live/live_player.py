@@ -356,7 +356,7 @@ class LivePlayer:
         if isinstance(self._source.robot, LimitedRobot) and self._source.robot.reach is not None:
             player.reach = self._source.robot.reach
         racket = self._flight.racket
-        player.rest_m = None if racket is None else racket.p_m
+        player.rest_m = None if racket is None else racket.p_world_m
 
     def _follow(self, state: PlayerState, block: _ReceivedBlock) -> None:
         self._meter.note_step(state.chain.seconds.total + state.control_s)
