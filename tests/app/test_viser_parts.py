@@ -3,6 +3,7 @@
 import asyncio
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -66,7 +67,8 @@ def test_an_event_that_another_thread_sets_wakes_nobody_there() -> None:
         event.set()  # as viser does in the event loop after that
         assert await waiter
 
-    asyncio.run(wait_and_look())
+    with ThreadPoolExecutor(1) as thread:  # whose event loop is its own: another test may have left one here
+        thread.submit(asyncio.run, wait_and_look()).result()
 
 
 def test_a_connection_without_its_buffer_is_named() -> None:

@@ -62,7 +62,7 @@ def test_a_run_is_trained_refused_twice_and_evaluated(tmp_path: Path, capsys: py
         (["--source", "tcp://192.0.2.1:5555"], "needs keys"),
         (["--source", "tcp://127.0.0.1:9", "--keys", "no-such-folder"], "no-such-folder"),
         (["--keys", "no-such-folder"], "keys without a source"),
-        (["--source", "tcp://127.0.0.1:9", "--jobs", "2"], "take turns"),
+        (["--source", "tcp://127.0.0.1:9", "--jobs", "2"], "one seed at a time"),
         (["--cluster", "tcp://192.0.2.1:8786"], "needs certificates"),
         (["--outcomes", "events", "--state-source", "truth"], "need states that they see"),
         (["--resume", "--seeds", "3"], "keeps its settings"),

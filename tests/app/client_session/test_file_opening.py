@@ -13,6 +13,7 @@ from app.client_session.file_opening import FileOpening
 from app.modes.services import Services
 from app.shared.files import incoming_folder
 from app.shared.library import Library
+from app.shared.samples import SIMULATED
 from app.shared.workspace import Workspace
 from app.web.pages import Message
 from core.files import PREFIX
@@ -88,10 +89,11 @@ def opening(services: Services, page: Page) -> Iterator[FileOpening]:
 
 
 def listed(page: Page) -> list:
+    """The rows of the dialog, but for the samples that come with the app."""
     page.told.pop("files", None)
     page.ask(do="list")
     page.run_until(lambda: "files" in page.told)
-    return page.told["files"][-1]["files"]  # type: ignore[return-value]
+    return [row for row in page.told["files"][-1]["files"] if row[2] != SIMULATED]  # type: ignore[index]
 
 
 def received(services: Services, name: str) -> Path:
