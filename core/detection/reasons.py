@@ -92,7 +92,7 @@ class ReasonCount:
     """Median of the limits: some depend on the candidate."""
     unit: str = ""
     sentence: str = ""
-    """Of the first of these windows, if there was nothing to measure in any: a name alone says nothing."""
+    """What the first of these windows says, if there was nothing to measure in any: a name alone says nothing."""
 
     @property
     def text(self) -> str:

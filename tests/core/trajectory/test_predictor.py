@@ -7,7 +7,7 @@ from core.simulation.episodes import draw_serves, fly_serves
 from core.simulation.episodes.closed_form import sample_serves
 from core.table import BALL_RADIUS_M, GRAVITY_MPS2
 from core.trajectory import PaperPredictor, PaperPredictorConfig, Prediction, predict_arrivals, predictor_for
-from core.trajectory.prediction import _one_sigma_moves
+from core.trajectory.continuation import one_sigma_moves
 
 pytestmark = pytest.mark.numeric
 LAUNCH = np.array([1.5, 0.2, 0.35])
@@ -273,6 +273,6 @@ def test_the_order_of_points_is_kept_where_a_bounce_leaves_none_of_them() -> Non
 
 def test_what_a_sigma_moves_is_half_the_way_between_its_neighbours_or_all_of_the_way_to_the_one_that_there_is() -> None:
     values = np.array([10.0, 13.0, 9.0, np.nan, 8.5, 10.5, np.nan, np.nan, np.nan, 7.0, 7.0])
-    np.testing.assert_allclose(_one_sigma_moves(values), [2.0, 1.5, 0.5, 0.0, 0.0])
+    np.testing.assert_allclose(one_sigma_moves(values), [2.0, 1.5, 0.5, 0.0, 0.0])
     pairs = np.column_stack([values, -values])
-    np.testing.assert_allclose(_one_sigma_moves(pairs)[:, 1], [-2.0, -1.5, -0.5, 0.0, 0.0])
+    np.testing.assert_allclose(one_sigma_moves(pairs)[:, 1], [-2.0, -1.5, -0.5, 0.0, 0.0])
