@@ -67,7 +67,7 @@ def test_without_json_a_person_reads_what_to_do(sweep: Path, capsys) -> None:
     assert main(from_files(sweep, "--scale", "baseline=3.5")) == 0
     text = capsys.readouterr().out
     assert "common sightings" in text and "baseline 3.5000" in text and "the first camera's own axes" in text
-    assert "right's clock: add -1" in text and "import --offset-us -1" in text and "clicked" not in text
+    assert "clocks: `import --offset-us 0,-1" in text and "clicked" not in text
 
 
 def test_events_of_a_few_serves_calibrate_the_cameras_that_saw_them(tmp_path: Path, capsys) -> None:
