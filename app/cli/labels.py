@@ -364,8 +364,9 @@ def run_merge(arguments: LabelMergeArguments) -> None:
 
 def _lines(merged: MergedStores, arguments: LabelMergeArguments) -> list[str]:
     lines = [
-        f"{merged.labels} labels merged into {arguments.out}; {len(merged.conflicts)} conflicts, "
-        f"{merged.left_out} labels left out; {merged.superseded} replaced by later labels of the same annotator"
+        f"{merged.labels} labels merged into {arguments.out}; {_counted(len(merged.conflicts), 'conflict')}, "
+        f"{_counted(merged.left_out, 'label')} left out; {merged.superseded} replaced by later labels of the same "
+        "annotator"
     ]
     if merged.settled:
         lines.append(f"{merged.settled} conflicts were settled in Label: the label that settles each was taken")
@@ -375,6 +376,10 @@ def _lines(merged: MergedStores, arguments: LabelMergeArguments) -> list[str]:
     lines += [_conflict_line(conflict) for conflict in merged.conflicts[:MAX_SHOWN]]
     more = len(merged.conflicts) - MAX_SHOWN
     return [*lines, *([f"... and {more} more, see --json"] if more > 0 else []), *merged.notes]
+
+
+def _counted(count: int, thing: str) -> str:
+    return f"{count} {thing}" + ("" if count == 1 else "s")
 
 
 def _contact_conflict_line(conflict: ContactConflict) -> str:

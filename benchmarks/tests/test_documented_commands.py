@@ -46,6 +46,7 @@ ELSEWHERE = {
     "rivals": "detection/test_bench_rivals.py",
     "robustness": "robustness/test_bench_robustness.py",
     "simulation": "simulation/test_bench_simulation.py",
+    "single-views": "detection/test_bench_single_views.py",
 }
 """Benches whose own test runs them with small counts: of parts that they choose, or with files that they draw."""
 COMMANDS = sorted(

@@ -6,9 +6,9 @@ import sqlite3
 from typing import Final
 
 from core.errors import LabelError
-from labels.database.rows import Values
+from labels.database.rows import Values, provenance_of, values_of_provenance
 from labels.database.schema import holds_contacts
-from labels.model import ContactKind, ContactLabel, PositionSource, Provenance
+from labels.model import ContactKind, ContactLabel
 
 CONTACT_COLUMNS: Final = (
     "kind",
@@ -31,19 +31,7 @@ LISTED_CONTACT: Final = ", ".join(CONTACT_COLUMNS)
 
 def values_of_contact(contact: ContactLabel) -> Values:
     """The columns of a contact, without its time."""
-    made = contact.provenance
-    return (
-        contact.kind.value,
-        contact.sigma_us,
-        made.source.value,
-        made.annotator,
-        made.made_at_us,
-        made.tool,
-        made.detector,
-        *(made.window_us or (None, None)),
-        made.rendering,
-        made.time_spent_ms,
-    )
+    return (contact.kind.value, contact.sigma_us, *values_of_provenance(contact.provenance))
 
 
 def contact_of(t_us: int, values: Values) -> ContactLabel:
@@ -52,18 +40,9 @@ def contact_of(t_us: int, values: Values) -> ContactLabel:
     Raises:
         LabelError: if a value is impossible: something else than this program wrote it.
     """
-    kind, sigma, source, by, at_us, tool, detector, begin, end, rendering, spent = values
+    kind, sigma, *made = values
     try:
-        provenance = Provenance(
-            source=PositionSource(source),
-            annotator=str(by),
-            made_at_us=int(at_us or 0),
-            tool=str(tool or ""),
-            detector=str(detector or ""),
-            window_us=None if begin is None or end is None else (int(begin), int(end)),
-            rendering=str(rendering or ""),
-            time_spent_ms=int(spent or 0),
-        )
+        provenance = provenance_of(tuple(made))
         sigma_us = None if sigma is None else float(sigma)
         return ContactLabel(t_us=t_us, kind=ContactKind(kind), sigma_us=sigma_us, provenance=provenance)
     except ValueError as error:

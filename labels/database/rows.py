@@ -56,13 +56,19 @@ _EVERYTHING: Final = (
 
 def values_of(label: Label) -> Values:
     """The columns of a label, without its time."""
-    made = label.provenance
     return (
         label.state.value,
         label.x_px,
         label.y_px,
         label.r_px,
         *(label.covariance_px2 or (None, None, None)),
+        *values_of_provenance(label.provenance),
+    )
+
+
+def values_of_provenance(made: Provenance) -> Values:
+    """The nine columns with which a change ends, of a label as of a contact."""
+    return (
         made.source.value,
         made.annotator,
         made.made_at_us,
@@ -74,24 +80,34 @@ def values_of(label: Label) -> Values:
     )
 
 
+def provenance_of(values: Values) -> Provenance:
+    """The provenance that `values_of_provenance` took apart.
+
+    Raises:
+        ValueError: if a value is impossible.
+    """
+    source, by, at_us, tool, detector, begin, end, rendering, spent = values
+    return Provenance(
+        source=PositionSource(source),
+        annotator=str(by),
+        made_at_us=int(at_us or 0),
+        tool=str(tool or ""),
+        detector=str(detector or ""),
+        window_us=None if begin is None or end is None else (int(begin), int(end)),
+        rendering=str(rendering or ""),
+        time_spent_ms=int(spent or 0),
+    )
+
+
 def label_of(t_us: int, values: Values) -> Label:
     """The label that `values_of` took apart.
 
     Raises:
         LabelError: if a value is impossible: something else than this program wrote it.
     """
-    state, x, y, r, xx, xy, yy, source, by, at_us, tool, detector, begin, end, rendering, spent = values
+    state, x, y, r, xx, xy, yy, *made = values
     try:
-        provenance = Provenance(
-            source=PositionSource(source),
-            annotator=str(by),
-            made_at_us=int(at_us or 0),
-            tool=str(tool or ""),
-            detector=str(detector or ""),
-            window_us=None if begin is None or end is None else (int(begin), int(end)),
-            rendering=str(rendering or ""),
-            time_spent_ms=int(spent or 0),
-        )
+        provenance = provenance_of(tuple(made))
         return Label(
             t_us=t_us,
             state=LabelState(state),

@@ -55,7 +55,7 @@ def run_scores_html(rows: list[str]) -> str:
     """The table of scores."""
     titles = (
         *("", "precision", "recall", "median error", "p95", "found", "missed", "false"),
-        *("Live: age of answer", "recall", "error", "error extrapolated"),
+        *("live: age of answer", "live recall", "live error", "live error, extrapolated"),
     )
     head = table_row(titles, "text-align:left;font-weight:500", tag="th")
     return (

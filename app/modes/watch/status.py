@@ -29,14 +29,15 @@ def drift_row(report: DriftReport) -> tuple[str, str]:
     """Row with the calibration's drift as seen by the last flights."""
     drift = report.drift
     if drift is None:
-        if report.points >= report.needed:
+        if report.points >= report.needed > 0:
             message = "unknown: the cameras see different objects"
             return "Calibration", coloured(theme.WARN, f"{message}. {REMEDY}" if report.alarm else message)
-        message = f"Not yet known ({report.points} of {report.needed} points)"
-        return "Calibration", muted(message)
+        # 0: before a chain was made nobody has said how many.
+        counted = f" ({report.points} of {report.needed} points)" if report.needed else ""
+        return "Calibration", muted(f"Not yet known{counted}")
     if report.alarm:
         return "Calibration", coloured(theme.BAD, f"{drift_words(report)}. {REMEDY}")
-    message = f"fits to {drift.drift_px:.1f} px ({report.points} points of the ball)"
+    message = f"fits to {drift.drift_px:.2f} px ({report.points} points of the ball)"
     return "Calibration", coloured(theme.GOOD, message)
 
 
@@ -114,7 +115,7 @@ def live_html(snapshot: RallySnapshot, state: WorldState, status: str, cameras: 
     rows = [
         ("Simulation", _simulation(state, status)),
         ("Followed", f"{health.state_hz:.0f} times a second, {percentiles_text(health.step)} each"),
-        ("Seen to racket", percentiles_text(health.window_to_sent)),
+        ("Seen to racket", f"{percentiles_text(health.window_to_sent)}{_on_the_clock(state)}"),
         ("Controller", html_text(snapshot.controller)),
     ]
     if snapshot.learned is not None:
@@ -145,6 +146,12 @@ def _simulation(state: WorldState, status: str) -> str:
     if state.real_time_factor < 0.95 * speed:
         return coloured(theme.BAD, f"{html_text(status)}, only {pace}: choose a slower Pace")
     return coloured(theme.GOOD, f"{html_text(status)}, {pace}")
+
+
+def _on_the_clock(state: WorldState) -> str:
+    """What makes a latency long that is none of a robot: a block of a slow simulation takes longer to be whole."""
+    pace = min(state.real_time_factor, state.speed_factor * state.kept_share)
+    return "" if pace > 0.9 or state.paused else muted(f" on the clock, with {pace:.2f} s simulated a second")
 
 
 def _readout(state: WorldState) -> str:

@@ -21,6 +21,20 @@
     event.target.select();
   });
 
+  const entered = new WeakSet(); // a window whose fields come a moment after it takes the keyboard itself, and would keep it
+  const enterField = (over) => {
+    const field = over.querySelector("input:not([type=checkbox])");
+    if (field && document.activeElement === over) field.focus();
+    return field !== null || document.activeElement !== over;
+  };
+  addEventListener("focusin", ({ target: over }) => {
+    if (!(over instanceof Element) || !over.matches("[class*=mantine-Modal-content]") || entered.has(over) || !isOurs(over)) return;
+    entered.add(over);
+    if (enterField(over)) return;
+    const arriving = new MutationObserver(() => { if (!over.isConnected || enterField(over)) arriving.disconnect(); });
+    arriving.observe(over, { childList: true, subtree: true });
+  });
+
   addEventListener("keydown", (event) => {
     if (event.isComposing || event.ctrlKey || event.metaKey || event.altKey) return;
     const over = [...document.querySelectorAll("[class*=mantine-Modal-content]")].at(-1);

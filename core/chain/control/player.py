@@ -125,7 +125,7 @@ class Player:
         if state.prediction is None:
             self._decision = None
             self._forget_hit()
-        if answer is not None:
+        if answer is not None and self.hit == "chosen":
             self._racket = self._motion(state)
         self._decision = answer or self._decision
         took_s = time.perf_counter() - started

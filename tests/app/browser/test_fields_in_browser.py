@@ -48,6 +48,27 @@ def a_name_given_in_the_window_is_whole(window: Window, mode, name: str, delay_m
     assert label_at(mode, BALL_US).provenance.annotator == name
 
 
+LATE_FIELD = """
+async () => {
+  const over = document.body.appendChild(document.createElement("section"));
+  over.className = "mantine-Modal-content";
+  over.tabIndex = -1;
+  over.focus();
+  await new Promise(requestAnimationFrame);
+  over.appendChild(document.createElement("input"));
+  await new Promise(requestAnimationFrame);
+  const typedTo = document.activeElement.tagName;
+  over.remove();
+  return typedTo;
+}
+"""
+"""A window that takes the keyboard before its field has come, as on a slow page."""
+
+
+def a_field_that_comes_late_has_the_keyboard(window: Window) -> None:
+    assert window.page.evaluate(LATE_FIELD) == "INPUT"
+
+
 def a_name_in_the_panel_gives_the_keyboard_back(window: Window, mode, name: str, delay_ms: float) -> None:
     t_us = mode._editor.labelling.t_us
     field = window.field("Annotator")
@@ -106,6 +127,7 @@ def test_what_is_typed_counts_whole_and_the_keyboard_comes_back(open_window, lab
             a_name_given_in_the_window_is_whole(window, mode, first, delay_ms)
             a_name_in_the_panel_gives_the_keyboard_back(window, mode, second, delay_ms)
             if not delay_ms:
+                a_field_that_comes_late_has_the_keyboard(window)
                 a_name_that_cannot_be_is_refused(window, mode)
                 a_time_gives_the_keyboard_back(window, mode, "200000", 200_000, "0:00:00.200")
                 a_time_gives_the_keyboard_back(window, mode, "0:00:00.250", 250_000, "0:00:00.250")

@@ -252,7 +252,7 @@ def test_stores_are_merged_and_conflicts_are_listed(
     code, text, _ = call(capsys, "merge", mine, other, "--out", tmp_path / "c.sqlite")
     assert code == 0
     first, conflict = text.splitlines()
-    assert first.startswith("9 labels merged into") and "1 conflicts, 2 labels left out" in first
+    assert first.startswith("9 labels merged into") and "1 conflict, 2 labels left out" in first
     assert conflict == f"left {MIDDLE_US} us: anna: visible; bea: no_ball"
     code, text, _ = call(capsys, "merge", mine, other, "--out", tmp_path / "d.sqlite", "--prefer", "bea", "--json")
     report = json.loads(text)
@@ -278,7 +278,7 @@ def test_a_conflict_that_was_settled_is_merged_and_compared_as_it_was_before(
             other = store.path
     code, text, _ = call(capsys, "merge", mine, other, "--out", out)
     counts, settled = text.splitlines()
-    assert code == 0 and "0 conflicts, 1 labels left out" in counts
+    assert code == 0 and "0 conflicts, 1 label left out" in counts
     assert settled == "1 conflicts were settled in Label: the label that settles each was taken"
     layers = {layer.annotator: times for layer, times in read_store(out).layers.items()}
     assert MIDDLE_US in layers["bea"] and MIDDLE_US not in layers["anna"] and len(layers["anna"]) == 8

@@ -102,7 +102,7 @@ def test_killed_by_ctrl_c_it_goes_on_with_the_same_command(data, tmp_path, capsy
     eventually(lambda: checkpoint.exists() or process.poll() is not None, "a checkpoint")
     process.send_signal(signal.SIGINT)
     text, error = process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 0 and "the same command goes on" in text, error
+    assert process.returncode == 0 and "the same command continues" in text, error
     assert checkpoint.exists() and not out.exists()
     assert main([*arguments, "--out", str(out), "--seed", "9"]) == 2
     assert "other settings" in capsys.readouterr().err

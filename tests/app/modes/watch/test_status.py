@@ -68,6 +68,12 @@ def test_skipped_blocks_are_explained_and_not_red(snapshot) -> None:
     assert "Skipped blocks" in said and "3 blocks of 10 ms since the session began" in said and theme.BAD not in said
 
 
+def test_a_latency_of_a_slow_simulation_says_that_it_is_one_on_the_clock(snapshot) -> None:
+    assert "on the clock" not in live_html(snapshot, state(), "connected")
+    slow = live_html(snapshot, replace(state(), speed_factor=0.04), "connected")
+    assert "1.0 ms (p99)" in slow and "on the clock, with 0.04 s simulated a second" in slow
+
+
 def test_what_is_wrong_is_red_and_says_what_to_do(snapshot) -> None:
     assert theme.BAD not in live_html(snapshot, state(), "connected")
     slow = live_html(snapshot, replace(state(), real_time_factor=0.5), "connected")
@@ -141,13 +147,14 @@ def report(drift_px: float, *, alarm: bool) -> DriftReport:
 
 
 def test_it_says_how_many_points_are_missing() -> None:
+    assert "Not yet known<" in drift_row(DriftReport())[1], "no chain yet: no verdict"
     name, said = drift_row(DriftReport(60, 200))
     assert name == "Calibration" and "Not yet known (60 of 200 points)" in said
 
 
 def test_a_fit_is_green_with_its_figure() -> None:
     said = drift_row(report(0.21, alarm=False))[1]
-    assert "fits to 0.2 px (400 points" in said and theme.GOOD in said
+    assert "fits to 0.21 px (400 points" in said and theme.GOOD in said
 
 
 def test_an_alarm_is_red_and_says_who_how_far_and_what_to_do() -> None:
