@@ -229,10 +229,11 @@ def stretches_html(answer: CompareAnswer, method: Method, *, missed: bool) -> st
     (one,) = (one for one in answer.methods if one.method == method)
     stretches = one.missed if missed else one.false
     count = sum(stretch.count for stretch in stretches)
+    asked, answers = len(one.judged.asked_us), len(one.judged.t_us)
     if missed:
-        what = f"Missed at {count} of {len(one.judged.asked_us)} times"
+        what = f"Missed at {count} of {asked} times" if count else f"No misses at {asked} times"
     else:
-        what = f"{count} of {len(one.judged.t_us)} answers are wrong"
+        what = f"{count or 'None'} of {answers} answers are wrong"
     if answer.kind == "method":
         what += f", if {html_text(answer.reference)} is right"
     more = len(stretches) - MAX_STRETCHES

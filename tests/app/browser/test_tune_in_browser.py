@@ -350,7 +350,16 @@ def another_method_shows_its_ball_its_own_stages_and_sliders(tune) -> None:
     tune.wait_for_pixels("tune-paper", lambda canvas: count_like(canvas, YELLOW) > 40)
 
 
+def use_refined(tune, config: DetectorConfig) -> None:
+    """Settings of refined; the method in use stays."""
+    tune.session.send(UseConfig(config, "refined"))
+    tune.session.send(SetMethod("auto"))
+    eventually(lambda: tune.state.config_of("refined") == config and tune.state.tune.method == "auto", "the settings")
+
+
 def methods_are_compared_over_the_recording_and_a_click_on_a_miss_jumps_there(tune) -> None:
+    config = refined_config()  # which finds every ball of this recording: it misses what is larger than its largest
+    use_refined(tune, replace(config, refined=replace(config.refined, radius_max_px=4.0)))
     tune.field("paper").click()
     eventually(lambda: tune.state.tune.compared == ("auto", "paper", "refined"), "the third method")
     tune.screenshot("compare-form")
@@ -372,6 +381,7 @@ def methods_are_compared_over_the_recording_and_a_click_on_a_miss_jumps_there(tu
     tune.press("false")
     tune.page.get_by_text("answers are wrong").wait_for()
     tune.screenshot("compare-false")
+    use_refined(tune, config)
     for reference in ("refined", "fe-fusion"):  # one of those that are compared, and one that is not
         choose(tune, "Reference", reference)
         choose(tune, "Over", "0.4 s around the cursor")
@@ -379,6 +389,11 @@ def methods_are_compared_over_the_recording_and_a_click_on_a_miss_jumps_there(tu
         tune.page.get_by_text(f"agreement with {reference}, not error").wait_for()
         tune.wait_for_frame()
         tune.screenshot(f"compare-agreement-{reference}")
+        if reference == "refined":
+            tune.press("missed")
+            tune.page.get_by_text(re.compile(r"No misses at \d+ times, if refined is right")).wait_for()
+            assert misses.count() == 0
+            tune.screenshot("compare-no-misses")
     tune.field("Show the result").click()
     tune.page.get_by_text("agreement with fe-fusion").wait_for(state="hidden")
 

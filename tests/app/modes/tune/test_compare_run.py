@@ -90,6 +90,10 @@ def test_a_chosen_method_is_the_reference_even_where_the_truth_is_known(stream, 
     assert (answer.kind, answer.reference, answer.nothing_known) == ("method", "auto", False)
     auto, _ = answer.methods
     assert auto.judged.recall == 1.0 and auto.missed == auto.false == ()
+    assert f">No misses at {len(auto.judged.asked_us)} times, if auto is right<" in stretches_html(
+        answer, "auto", missed=True
+    )
+    assert f">None of {len(auto.judged.t_us)} answers are wrong" in stretches_html(answer, "auto", missed=False)
 
 
 def test_without_truth_the_labels_of_whoever_made_most_are_right_but_for_hidden_balls(stream, tmp_path: Path) -> None:
@@ -190,7 +194,9 @@ def test_buttons_are_said_to_be_what_they_are(stream, tmp_path: Path) -> None:
             answer, one.method, missed=True
         )
         false = sum(stretch.count for stretch in one.false)
-        assert f"{false} of {len(one.judged.t_us)} answers" in stretches_html(answer, one.method, missed=False)
+        assert f"{false or 'None'} of {len(one.judged.t_us)} answers" in stretches_html(
+            answer, one.method, missed=False
+        )
 
 
 def test_labels_are_read_once_until_somebody_may_have_made_more(stream, tmp_path: Path) -> None:
