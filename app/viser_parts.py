@@ -115,6 +115,19 @@ def allow_threads(connection: Any) -> None:
     buffer.message_event = CrossThreadEvent()
 
 
+def limit_messages(connection: Any, largest_bytes: int) -> None:
+    """End a connection that gets a longer message, before all of it is in memory.
+
+    Raises:
+        PackageError: if the limit is not where it was.
+    """
+    for name in ("max_message_size", "max_size"):  # older releases of websockets have the second
+        if hasattr(connection.protocol, name):
+            setattr(connection.protocol, name, largest_bytes)
+            return
+    raise moved_part("ServerConnection.protocol.max_message_size")
+
+
 def moved_part(name: str) -> PackageError:
     """The error that says that a part is not where it was."""
     return PackageError(

@@ -15,22 +15,40 @@ from typing import Final
 
 ROOT: Final = Path(__file__).parents[1]
 FOLDER: Final = ROOT / "build" / "lowest"
-TOOLS: Final = ("hypothesis", "psutil", "pytest", "pytest-rerunfailures", "pytest-timeout", "pytest-xdist")
+TOOLS: Final = (
+    "hypothesis",
+    "matplotlib",
+    "psutil",
+    "pytest",
+    "pytest-rerunfailures",
+    "pytest-timeout",
+    "pytest-xdist",
+)
+"""What the tests need beside the package; matplotlib draws the reports of `evaluate`."""
 LEFT_OUT: Final = (
     "tests/app/browser",
+    "tests/app/cli/test_record.py",
+    "tests/app/cli/test_serve_cameras.py",
+    "tests/app/cli/test_tune.py",
     "tests/app/export/test_onnx_actor.py",
     "tests/core/data_sets/test_index.py",
     "tests/core/devices/test_neuromorphic.py",
+    "tests/core/devices/test_raw_recorder.py",
     "tests/core/jobs/test_cluster.py",
     "tests/core/learning/runs/test_sb3_baselines.py",
     "tests/core/learning/test_gym_environment.py",
+    "tests/core/live/test_camera_source.py",
     "tests/core/recordings/test_import_facts.py",
     "tests/core/tuning/test_search.py",
+    "tests/core/tuning/test_tune.py",
     "tests/docs",
     "tests/labels/formats/test_independent_readers.py",
     "tests/strangers",
+    "tests/test_dependencies.py",
 )
-"""Tests of extras, of other people's tools and of a browser: they import what this environment has not."""
+"""Tests of extras, of other people's tools and of a browser: they import what this environment has not. What declares
+its dependencies is looked up among the packages of `dev`.
+"""
 
 
 def main() -> int:

@@ -21,6 +21,7 @@ from typing import Final, Literal
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
+from app.viser_parts import limit_messages
 from core.files import end_unfinished
 from core.text import parse_json
 
@@ -77,7 +78,7 @@ class Uploads:
 
     async def serve(self, page: str, browser: str, connection: ServerConnection) -> None:
         """Receive one file."""
-        connection.protocol.max_message_size = MAX_PIECE_BYTES
+        limit_messages(connection, MAX_PIECE_BYTES)
         sender = browser or page
         try:
             with self._lock:

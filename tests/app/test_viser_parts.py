@@ -5,12 +5,21 @@ import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import viser
 
 from app import viser_parts
-from app.viser_parts import PARTS, CrossThreadEvent, allow_threads, check_parts, read_page, websocket_server
+from app.viser_parts import (
+    PARTS,
+    CrossThreadEvent,
+    allow_threads,
+    check_parts,
+    limit_messages,
+    read_page,
+    websocket_server,
+)
 from core.errors import PackageError
 
 
@@ -45,6 +54,18 @@ def test_a_page_without_its_title_is_named(tmp_path: Path, monkeypatch) -> None:
 def test_a_server_without_its_websocket_server_is_named() -> None:
     with pytest.raises(PackageError, match="_websock_server"):
         websocket_server(object())  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["max_message_size", "max_size"])
+def test_messages_are_limited_by_the_name_that_this_websockets_has(name: str) -> None:
+    protocol = SimpleNamespace(**{name: 2**30})
+    limit_messages(SimpleNamespace(protocol=protocol), 5)
+    assert vars(protocol) == {name: 5}
+
+
+def test_a_limit_that_is_nowhere_is_named() -> None:
+    with pytest.raises(PackageError, match="max_message_size"):
+        limit_messages(SimpleNamespace(protocol=object()), 5)
 
 
 def test_the_version_that_is_named_is_the_pinned_one() -> None:
