@@ -1,10 +1,11 @@
-"""Four cameras in Watch, Tune and Label, in a browser of 1280x720. The screenshots are kept under test-artifacts/."""
+"""Four and six cameras in Watch, Tune and Label, in a browser of 1280x720. Screenshots stay under test-artifacts/."""
 
 from __future__ import annotations
 
 import math
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
@@ -15,12 +16,16 @@ from app.server import App
 from app.shared.library import Library
 from app.shared.workspace import Workspace
 from app.views.image_view import FOV_RAD, UNIT
+from core.cameras.presets import camera_preset
+from core.events import SensorSize
 from core.geometry import look_at
+from core.simulation import LaunchConfig, SensorConfig, StereoConfig, simulate_recording
 from labels.model import PositionSource
 from tests.waiting import eventually
 
 BALL_US = 300_000
 FOUR = ("near_left", "near_right", "far_left", "far_right")
+SIX = (*FOUR, "top_left", "top_right")
 BOXES = """() => [...document.querySelectorAll("#root img")].filter(one => one.checkVisibility()).map(one => {
     const { x, y, width, height } = one.getBoundingClientRect();
     return [x, y, x + width, y + height]; })"""
@@ -28,9 +33,27 @@ BOXES = """() => [...document.querySelectorAll("#root img")].filter(one => one.c
 
 @pytest.fixture
 def window(tmp_path: Path, four_recording: Path, open_window) -> Iterator:
-    workspace = Workspace(tmp_path)
-    shutil.copy(four_recording, workspace.recording_path("four"))
-    lab = App(workspace, Library(workspace), "four", host="127.0.0.1", port=0)
+    shutil.copy(four_recording, Workspace(tmp_path).recording_path("four"))
+    yield from watching(tmp_path, "four", open_window)
+
+
+@pytest.fixture
+def six_window(tmp_path: Path, open_window) -> Iterator:
+    pair = {f"top_{side}": camera for side, camera in camera_preset("ceiling").items()}
+    half = np.diag([0.5, 0.5, 1.0])
+    cameras = {
+        name: replace(camera, sensor=SensorSize(640, 360), K=half @ camera.K)
+        for name, camera in {**camera_preset("corners"), **pair}.items()
+    }
+    config = StereoConfig(sensor=SensorConfig(noise_hz=0.1))
+    simulate_recording(Workspace(tmp_path).recording_path("six"), config, cameras, [LaunchConfig()], seed=4)
+    yield from watching(tmp_path, "six", open_window)
+
+
+def watching(folder: Path, name: str, open_window) -> Iterator:
+    """A window that shows the ball of a recording of the workspace in 3D."""
+    workspace = Workspace(folder)
+    lab = App(workspace, Library(workspace), name, host="127.0.0.1", port=0)
     with open_window(lab, in_space=True) as window:
         eventually(lambda: window.session.world.visible, "the 3D scene")
         rally = lab.services.rallies.of(window.session.recording)
@@ -54,10 +77,10 @@ def overlap(one: list[float], other: list[float]) -> bool:
     return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
-def watch_shows_four_pictures_with_marks_above_the_figures(window) -> None:
+def watch_shows_all_pictures_with_marks_above_the_figures(window, names: tuple[str, ...]) -> None:
     page = window.page
-    eventually(lambda: len(page.evaluate(BOXES)) == 4, "four pictures")
-    for name in FOUR:
+    eventually(lambda: len(page.evaluate(BOXES)) == len(names), "all pictures")
+    for name in names:
         page.get_by_text(f"● {name}", exact=True).wait_for()
     figures = ("Ball speed", "Stereo mismatch", "Placed by")
     found = [page.get_by_text(name, exact=True).bounding_box() for name in figures]
@@ -66,8 +89,8 @@ def watch_shows_four_pictures_with_marks_above_the_figures(window) -> None:
     assert not any(overlap(one, other) for one, other in combinations(boxes, 2))
     assert all(right <= canvas["x"] for _, _, right, _ in boxes), "beside the scene"
     assert all(box["y"] > max(bottom for *_, bottom in boxes) and box["y"] + box["height"] <= 720 for box in found)
-    page.get_by_text("4 of 4 cameras").wait_for()
-    window.screenshot("four-watch")
+    page.get_by_text(f"{len(names)} of {len(names)} cameras").wait_for()
+    window.screenshot(f"{len(names)}-cameras-watch")
 
 
 def every_camera_stands_in_the_view(window) -> None:
@@ -102,6 +125,16 @@ def tune_shows_the_camera_that_is_chosen(window) -> None:
     window.screenshot("four-tune")
 
 
+def pictures_of_label_stand_apart(window, cameras: int) -> None:
+    """The large picture, the strip, the whole picture and the other cameras."""
+    boxes = [(tile.x, tile.y, tile.x + tile.width, tile.y + tile.height) for tile in window.session.sheet.pictures]
+    assert len(boxes) == cameras + 2 and not any(overlap(one, other) for one, other in combinations(boxes, 2))
+    bar = window.page.locator("#rallyscope-bar").bounding_box()
+    for _, _, right, bottom in boxes:
+        x, y = on_sheet(window, right, bottom)
+        assert x <= bar["x"] + bar["width"] and y <= bar["y"], "nothing is cut off"
+
+
 def label_accepts_in_all_what_two_have(window) -> None:
     page = window.page
     window.press("Label")
@@ -134,12 +167,7 @@ def label_accepts_in_all_what_two_have(window) -> None:
     eventually(lambda: shows(second) and work().view.zoom > 1, "the ball, large")
     page.get_by_text("2 of 2 cameras agree").first.wait_for()
     window.wait_until_still()
-    boxes = [(tile.x, tile.y, tile.x + tile.width, tile.y + tile.height) for tile in window.session.sheet.pictures]
-    assert len(boxes) == 6 and not any(overlap(one, other) for one, other in combinations(boxes, 2))
-    for _, _, right, bottom in boxes:
-        x, y = on_sheet(window, right, bottom)
-        bar = page.locator("#rallyscope-bar").bounding_box()
-        assert x <= bar["x"] + bar["width"] and y <= bar["y"], "nothing is cut off"
+    pictures_of_label_stand_apart(window, cameras=4)
     window.screenshot("four-label")
     page.keyboard.press("Shift+U")
     eventually(lambda: all(BALL_US in known.labels for known in work().works.values()), "labels in all cameras")
@@ -156,8 +184,22 @@ def label_accepts_in_all_what_two_have(window) -> None:
 
 
 def test_four_cameras_are_watched_tuned_and_labelled(window) -> None:
-    watch_shows_four_pictures_with_marks_above_the_figures(window)
+    watch_shows_all_pictures_with_marks_above_the_figures(window, FOUR)
     every_camera_stands_in_the_view(window)
     one_picture_is_large_and_the_scene_comes_back(window)
     tune_shows_the_camera_that_is_chosen(window)
     label_accepts_in_all_what_two_have(window)
+
+
+def test_six_cameras_are_watched_and_labelled_and_nothing_overlaps(six_window) -> None:
+    window = six_window
+    watch_shows_all_pictures_with_marks_above_the_figures(window, SIX)
+    every_camera_stands_in_the_view(window)
+    window.press("Label")
+    mode = window.session._modes["Label"]
+    eventually(lambda: mode._editor is not None and window.stands_in_label(), "Label")
+    shown = lambda: mode._editor.labelling.on_screen and mode._pictures.shown  # noqa: E731
+    assert len(eventually(shown, "the pictures").others) == 5
+    window.wait_until_still()
+    pictures_of_label_stand_apart(window, cameras=6)
+    window.screenshot("six-cameras-label")
