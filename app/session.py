@@ -31,7 +31,16 @@ from app.modes.watch.commands import EnlargePicture
 from app.modes.watch.mode import WatchMode
 from app.panels.keys import idle_key_text, key_has_effect
 from app.panels.recording_info import RecordingInfo, gather_info
-from app.panels.time_bar import Runs, TimeBar, Tracks, moments_of, opening_us, same_moments, tracks_of
+from app.panels.time_bar import (
+    ContactMark,
+    Runs,
+    TimeBar,
+    Tracks,
+    moments_of,
+    opening_us,
+    same_moments,
+    tracks_of,
+)
 from app.scene.world import World
 from app.shared.source_notifications import SourceNotifications
 from app.startup.example_rally import AFTER_S, ExampleRally
@@ -350,6 +359,10 @@ class Session:
     def show_runs(self, name: str, runs: Runs) -> None:
         """Show a line of this name in the time bar until another recording is opened."""
         self.tracks = replace(self._tracks, runs={**self._tracks.runs, name: runs})
+
+    def show_contacts(self, contacts: tuple[ContactMark, ...]) -> None:
+        """Show these bounces, hits and net touches in the time bar until another recording is opened."""
+        self.tracks = replace(self._tracks, contacts=contacts)
 
     @property
     def needs_tick(self) -> bool:

@@ -13,7 +13,7 @@ from app import theme
 from app.export.exporter import ExportState
 from app.formatting import html_text, percent
 from app.modes.services import Services
-from app.panels.time_bar import Runs
+from app.panels.time_bar import ContactMark, Runs
 from app.scene.world import World
 from app.state.client_state import ClientState
 from app.state.commands import Command
@@ -106,6 +106,10 @@ class ModeHost(Protocol):
 
     def show_runs(self, name: str, runs: Runs) -> None:
         """Show a line of this name in the time bar until another recording is opened; in the loop."""
+        ...
+
+    def show_contacts(self, contacts: tuple[ContactMark, ...]) -> None:
+        """Show these bounces, hits and net touches in the time bar until another recording is opened; in the loop."""
         ...
 
 

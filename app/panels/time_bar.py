@@ -45,6 +45,17 @@ class Runs:
     kinds: tuple[str, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class ContactMark:
+    """A bounce, hit or net touch that a person or a method names."""
+
+    t_us: int
+    sigma_us: float
+    kind: str
+    proposed: bool
+    """Nobody has judged it yet: it is drawn pale."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Tracks:
     """The lines of the time line, top to bottom."""
@@ -56,6 +67,8 @@ class Tracks:
     """Times of moments, by kind ("bounce", "hit")."""
     runs: Mapping[str, Runs] = field(default_factory=dict)
     """Intervals with their kinds, by name of the line ("labels", "detector")."""
+    contacts: tuple[ContactMark, ...] = ()
+    """Labelled and proposed contacts."""
 
 
 def tracks_of(recording: Recording, info: RecordingInfo | None) -> Tracks:
@@ -154,7 +167,17 @@ def tracks_message(tracks: Tracks) -> Message:
         triples = zip(line.start_us[some].tolist(), line.end_us[some].tolist(), line.kinds[some], strict=True)
         runs[name] = [list(triple) for triple in triples]
     moments: dict[str, Json] = {kind: t_us[thinned(len(t_us))].tolist() for kind, t_us in tracks.moments.items()}
-    return {"duration": tracks.duration_us, "rates": rates, "top_hz": top, "moments": moments, "runs": runs}
+    contacts: list[Json] = [
+        [mark.t_us, mark.sigma_us, mark.kind, mark.proposed] for mark in tracks.contacts[thinned(len(tracks.contacts))]
+    ]
+    return {
+        "duration": tracks.duration_us,
+        "rates": rates,
+        "top_hz": top,
+        "moments": moments,
+        "runs": runs,
+        "contacts": contacts,
+    }
 
 
 def command_of(message: Message) -> Command | None:

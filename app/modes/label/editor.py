@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any, Final
 
 import numpy as np
@@ -22,6 +23,7 @@ from app.modes.label.sightings import draft_at
 from app.modes.label.sources import LabelSource
 from core.errors import LabelError, RallyscopeError
 from core.events import Events
+from labels.contacts import join_contacts
 from labels.model import Label, LabelState
 from labels.store import LabelStore, Layer, UndoStep
 from labels.store_registry import LabelStoreRegistry
@@ -319,11 +321,6 @@ class LabelEditor:
 
         self.write(change, show=True, then=lambda _: self._note_undo(steps[0], redo))
 
-    def toggle_break(self) -> None:
-        """A bounce or hit at this time, or no longer. Kept while the recording is open in this browser."""
-        now = self.labelling
-        self.labelling = replace(now, breaks_us=tuple(sorted(set(now.breaks_us) ^ {now.t_us})))
-
     def change_label(self, make: Callable[[Label | None], Label | None]) -> bool:
         """Replace the label at the cursor by what is made of it (None: impossible), after all earlier changes.
 
@@ -393,11 +390,19 @@ class LabelEditor:
         if layer.camera not in now.saved:
             for text in saved.notes:
                 self.note("Labels", text)
-        known = replace(now.works[layer.camera], labels=saved.labels, arrays=saved.arrays, rejected=saved.rejected)
+        known = replace(
+            now.works[layer.camera],
+            labels=saved.labels,
+            arrays=saved.arrays,
+            rejected=saved.rejected,
+            contacts=saved.contacts,
+        )
+        works = {**now.works, layer.camera: known}
         self.labelling = replace(
             now,
             saved={**now.saved, layer.camera: saved},
-            works={**now.works, layer.camera: known},
+            works=works,
+            contacts=reduce(join_contacts, (work.contacts for work in works.values())),
             recent_us=(*now.recent_us, *saved.touched_us)[-RECENT:],
             click=now.click if now.click is not None and now.click.t_us not in saved.touched_us else None,
         )

@@ -1,7 +1,7 @@
 """The keys of Label: which there are, what they do, and those that wait for what they judge.
 
-Left out of the table: W A S D Q E and the arrows, which move viser's camera; M T O, which choose a mode; what a browser
-keeps for itself. Y G H B lie round each other like arrows.
+Left out of the table: W A S D Q E and the arrows, which move viser's camera; M T O without Shift, which choose a mode;
+what a browser keeps for itself. Y G H B lie round each other like arrows.
 """
 
 from __future__ import annotations
@@ -11,10 +11,11 @@ from collections.abc import Callable, Mapping
 from typing import Final, Literal
 
 from app.modes.label.conflicts import go_to_conflict, resolve_conflict, take_missing
+from app.modes.label.contacts import accept_contact, next_contact, remove_contact, set_contact
 from app.modes.label.editor import EditorAct, LabelEditor
 from app.modes.label.labelling import BIG_NUDGE_PX, NUDGE_PX, RADIUS_STEP_PX, WINDOWS_US, ZOOMS
 from app.modes.label.suggestions import accept, accept_all, accept_segment, interpolate, reject
-from labels.model import LabelState
+from labels.model import ContactKind, LabelState
 
 Modifier = Literal["shift"]
 
@@ -42,7 +43,13 @@ KEYS: Final[tuple[tuple[str, Modifier | None, str, str], ...]] = (
     ("R", "shift", "snap", "Snap the label to the events"),
     ("I", None, "propose", "Propose: run the detector from here on"),
     ("I", "shift", "interpolate", "Interpolate between the labels around the cursor"),
-    ("enter", "shift", "break", "A bounce or hit is here: no interpolation across"),
+    ("T", "shift", "bounce", "A bounce on the table is here, or moves here"),
+    ("O", "shift", "hit", "A hit by a racket is here, or moves here"),
+    ("M", "shift", "net", "A touch of the net is here, or moves here"),
+    ("enter", "shift", "accept_contact", "Accept the proposed bounce, hit or net touch; next proposed one"),
+    ("L", "shift", "next_contact", "Next bounce, hit or net touch, labelled or proposed"),
+    ("delete", "shift", "remove_contact", "No bounce, hit or net touch here"),
+    ("backspace", "shift", "remove_contact", "No bounce, hit or net touch here"),
     ("Y", None, "up", "Nudge up 0.25 px (with Shift 1 px)"),
     ("B", None, "down", "Nudge down"),
     ("G", None, "left", "Nudge left"),
@@ -172,7 +179,10 @@ ACTS: Final[Mapping[str, EditorAct]] = {
     "copy": LabelEditor.copy_previous,
     "snap": LabelEditor.snap_label,
     "interpolate": interpolate,
-    "break": LabelEditor.toggle_break,
+    **{str(kind): lambda editor, kind=kind: set_contact(editor, kind) for kind in ContactKind},
+    "accept_contact": accept_contact,
+    "next_contact": next_contact,
+    "remove_contact": remove_contact,
     "up": lambda editor: editor.nudge(0, -NUDGE_PX),
     "down": lambda editor: editor.nudge(0, NUDGE_PX),
     "left": lambda editor: editor.nudge(-NUDGE_PX, 0),

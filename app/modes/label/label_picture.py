@@ -259,7 +259,8 @@ class StripData:
     states: NDArray[np.uint8]
     """Index into `labels.arrays.STATES`, one for each label."""
     proposed_us: NDArray[np.int64]
-    breaks_us: tuple[int, ...]
+    contacts_us: tuple[int, ...]
+    """Bounces, hits and net touches."""
     status: tuple[tuple[str, PaletteIndex], ...] = ()
     """Words of the line above, from left to right."""
 
@@ -273,8 +274,8 @@ def draw_strip(data: StripData, cursor_us: int, step_us: int) -> NDArray[np.uint
     _fill(image[: STRIP_PX - PROPOSED_PX], data, data.labels_us, inks[data.states], step_us)
     drafts = np.full(len(data.proposed_us), PaletteIndex.DRAFT, np.uint8)
     _fill(image[STRIP_PX - PROPOSED_PX + 2 :], data, data.proposed_us, drafts, step_us)
-    for break_us in data.breaks_us:
-        image[:, _column(data, break_us)] = PaletteIndex.EPIPOLAR
+    for contact_us in data.contacts_us:
+        image[:, _column(data, contact_us)] = PaletteIndex.EPIPOLAR
     at = _column(data, cursor_us)
     image[:, max(at - 1, 0) : at + 2] = PaletteIndex.CURSOR
     return whole

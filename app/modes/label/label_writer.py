@@ -12,7 +12,7 @@ from typing import Final
 
 from core.errors import LabelError
 from labels.arrays import LabelArrays, label_arrays
-from labels.model import Label
+from labels.model import ContactLabel, Label
 from labels.store import LabelStore, Layer
 from labels.store_registry import LabelStoreRegistry
 
@@ -34,6 +34,8 @@ class Saved:
     version: int
     rejected: frozenset[tuple[int, str]] = frozenset()
     """(time, detector) of the proposals that were found wrong."""
+    contacts: tuple[ContactLabel, ...] = ()
+    """Bounces, hits and net touches, by time."""
 
 
 Change = Callable[[LabelStore], tuple[int, ...]]
@@ -163,4 +165,5 @@ def no_labels(layer: Layer) -> Saved:
 def _answer(layer: Layer, store: LabelStore, touched: tuple[int, ...]) -> Saved:
     version = store.version  # first: what is written meanwhile by others is seen by the next look
     undo, redo = store.can_undo, store.can_redo
-    return Saved(layer, store.by_time(), store.labels(), touched, undo, redo, store.notes, version, store.rejected())
+    labels, arrays, rejected, contacts = store.by_time(), store.labels(), store.rejected(), store.contacts()
+    return Saved(layer, labels, arrays, touched, undo, redo, store.notes, version, rejected, contacts)

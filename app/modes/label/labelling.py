@@ -20,7 +20,7 @@ from core.recordings import Recording
 from labels.arrays import LabelArrays, label_arrays
 from labels.assist import Proposals
 from labels.conflicts import settlement
-from labels.model import Label
+from labels.model import ContactLabel, Label
 from labels.store import Layer
 
 WINDOWS_US: Final = (500, 1_000, 2_000, 5_000, 10_000)
@@ -108,6 +108,8 @@ class CameraWork:
     proposals: Proposals | None = None
     rejected: frozenset[tuple[int, str]] = frozenset()
     """(time, detector) of proposals that were found wrong."""
+    contacts: tuple[ContactLabel, ...] = ()
+    """Bounces, hits and net touches of the camera's layer, by time."""
 
     def draft(self, t_us: int) -> ProposedLabel | None:
         """What is proposed where nothing is labelled or rejected."""
@@ -175,8 +177,10 @@ class Labelling:
     """When the cursor came to `t_us`; monotonic."""
     shown: PicturePlan | None = None
     """What is on the screen."""
-    breaks_us: tuple[int, ...] = ()
-    """Bounces and hits: nothing is interpolated across them."""
+    contacts: tuple[ContactLabel, ...] = ()
+    """Bounces, hits and net touches of all cameras' layers, by time: nothing is interpolated across them."""
+    proposed_contacts: tuple[ContactLabel, ...] = ()
+    """Those that were found in what the detector proposes, by time."""
     recent_us: tuple[int, ...] = ()
     """The times that were labelled last, the latest at the end."""
     back_us: int = 0

@@ -14,6 +14,7 @@ import numpy as np
 from app.modes.label.annotator import AnnotatorPrompt, annotator_from, last_annotator, remember_annotator
 from app.modes.label.ball_search import NOT_FOUND, BallRequest, BallSearch
 from app.modes.label.comparer import LabelComparer, OtherStores
+from app.modes.label.contacts_panel import ContactsPanel
 from app.modes.label.editor import EditorAct, LabelCallbacks, LabelEditor, Note
 from app.modes.label.import_panel import LabelImports
 from app.modes.label.keys import ACTS, HeldKeys, idle_key_text
@@ -114,6 +115,7 @@ class LabelMode:
         self._panel = LabelPanel(host.client.gui, actions)
         host.listen("field", lambda message: self._panel.field_left(message.get("name"), message.get("text")))
         with self._panel.folder:
+            self._contacts = ContactsPanel(host, actions.act)
             self._merge = MergePanel(
                 host.client.gui,
                 lambda title: host.later(lambda: None if self._comparer is None else self._comparer.choose(title)),
@@ -150,6 +152,7 @@ class LabelMode:
         """Another recording was opened."""
         self._drop()
         self._recording, self._in_bar = recording, None
+        self._contacts.forget()
         if self._host.state is not None:
             self._elsewhere = (self._host.state.camera, self._host.state.looks)
         if self._active:
@@ -185,6 +188,7 @@ class LabelMode:
         self._pictures.ask(editor, scene, words, wall_s)
         self._show_in_time_bar(editor, wall_s)
         self._show_status(editor)
+        self._contacts.show(now)
         self._merge.show(comparer, now)
         if self._keys.ready:
             self._host.later(self._keys.go_on)
@@ -308,7 +312,7 @@ class LabelMode:
         if self._editor is None:
             return None
         now = self._editor.labelling
-        return now.t_us, now.view, now.works, now.breaks_us, now.asking
+        return now.t_us, now.view, now.works, now.contacts, now.asking
 
     def _note(self, note: Note) -> None:
         self._answered = True

@@ -231,19 +231,20 @@ class LabelPictures:
         """Draw what is to be seen now, unless that was asked for; then its neighbours."""
         now, centre = scene.now, self._centre
         assert centre is not None
-        planned = (now.t_us, centre, now.view, now.works, now.compared, now.asking, now.breaks_us, now.step_us)
+        planned = (now.t_us, centre, now.view, now.works, now.compared, now.asking, now.contacts, now.step_us)
         planned = (*planned, scene.rendering, scene.colours, scene.ring, scene.aspect, words)
         if planned == self._planned:  # nothing has changed since the last turn: no ray has to be drawn again
             return
         self._planned = planned
         plan = plan_at(scene, now.t_us, centre)
         arrays, proposals = now.here.arrays, now.here.proposals
-        known = (plan, arrays, proposals, now.breaks_us, now.step_us, words)
+        known = (plan, arrays, proposals, now.contacts, now.step_us, words)
         if known == self._asked:
             return
         self._asked = known
         proposed_us = proposals.t_us if proposals is not None else arrays.t_us[:0]
-        strip = StripData(0, now.recording.duration_us, arrays.t_us, arrays.state, proposed_us, now.breaks_us, words)
+        contacts_us = tuple(contact.t_us for contact in now.contacts)
+        strip = StripData(0, now.recording.duration_us, arrays.t_us, arrays.state, proposed_us, contacts_us, words)
         cache = self._cache
         self._ahead.pause()  # what is asked for now comes first
 

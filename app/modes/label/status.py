@@ -9,6 +9,7 @@ import numpy as np
 
 from app import theme
 from app.formatting import html_text, note_html, percent
+from app.modes.label.contacts import contact_near
 from app.modes.label.label_changes import ProposedLabel
 from app.modes.label.label_picture import STATE_INKS
 from app.modes.label.label_writer import LabelWriter
@@ -103,6 +104,9 @@ def status_words(
     else:
         here = ("proposed", PaletteIndex.DRAFT) if draft is not None else ("unchecked", PaletteIndex.NO_BALL)
     words = [save, (f"{checked.checked} of {checked.total}", PaletteIndex.TEXT), here]
+    contact = contact_near(labelling.contacts, t_us)
+    if contact is not None and abs(contact.t_us - t_us) <= view.window_us / 2:
+        words.append((str(contact.kind), PaletteIndex.EPIPOLAR))
     if proposing is not None:
         words.append((f"proposing: {percent(proposing)}", PaletteIndex.DRAFT))
     if agreement is not None:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.background.jobs import LatestWins, LoopJob
+from app.modes.label.contacts import ContactSearch
 from app.modes.label.editor import LabelEditor, events_near
 from app.modes.label.label_changes import ProposedLabel, ShownPicture, accepted, proposed_at, snapped
 from app.modes.label.label_writer import Change, Saved
@@ -37,7 +38,7 @@ from labels.assist.propose import joined_proposals
 from labels.assist.review import QueueItem
 from labels.assist.stereo import labelled_positions_at, median_residual_px
 from labels.assist.whole_flight import Doubt
-from labels.model import Label
+from labels.model import ContactLabel, Label
 from labels.store import LabelStore
 
 SEGMENT_US: Final = 2_000_000
@@ -108,21 +109,24 @@ class LabelSuggestions:
         # From a little before the cursor: what is proposed there is judged by its neighbours on both sides.
         window_us = detector.config.window.window_us
         start_us = self._reached_us = max(labelling.t_us - LEAD_IN_US, 0) // window_us * window_us
-        end_us = labelling.recording.duration_us
+        end_us, contacts = labelling.recording.duration_us, ContactSearch(labelling.rig, start_us)
         self._job.start(
-            lambda progress, cancelled: self._propose(streams, start_us, end_us, detector, progress, cancelled),
+            lambda progress, cancelled: self._propose(
+                streams, (start_us, end_us), detector, contacts, progress, cancelled
+            ),
             lambda _: None,
         )
 
     def _propose(
         self,
         streams: list[CameraStream],
-        start_us: int,
-        end_us: int,
+        span: tuple[int, int],
         detector: SavedDetector,
+        contacts: ContactSearch,
         progress: Callable[[float], None],
         cancelled: Callable[[], bool],
     ) -> None:
+        start_us, end_us = span
         window_us, span_us = detector.config.window.window_us, max(end_us - start_us, 1)
         chunk_us = min(max(span_us // 10, SHORTEST_CHUNK_US), CHUNK_US) // window_us * window_us or window_us
         for begin_us in range(start_us, end_us, chunk_us):
@@ -135,13 +139,26 @@ class LabelSuggestions:
                     stream, lead_us, min(reached_us, end_us), method=detector.method, config=detector.config
                 )
                 parts[stream.name] = found.between(begin_us, reached_us + 1)
+            touches = contacts.add(parts, reached_us, last=reached_us >= end_us)
             self._editor.callbacks.later(
-                lambda parts=parts, t_us=reached_us: None if cancelled() else self._take(parts, t_us)
+                lambda parts=parts, t_us=reached_us, touches=touches: (
+                    None if cancelled() else self._take(parts, t_us, touches, start_us)
+                )
             )
             progress(min((reached_us - start_us) / span_us, 1.0))
 
-    def _take(self, parts: dict[str, Proposals], reached_us: int) -> None:
+    def _take(
+        self,
+        parts: dict[str, Proposals],
+        reached_us: int,
+        contacts: tuple[ContactLabel, ...] | None,
+        start_us: int,
+    ) -> None:
         add_proposals(self._editor, parts)
+        if contacts is not None:
+            now = self._editor.labelling
+            earlier = tuple(contact for contact in now.proposed_contacts if contact.t_us < start_us)
+            self._editor.labelling = replace(now, proposed_contacts=earlier + contacts)
         self._reached_us = reached_us
 
     @property
@@ -357,10 +374,12 @@ def interpolate(editor: LabelEditor) -> None:
     now = editor.labelling
     times = _times_between(now, now.t_us - SEGMENT_US, now.t_us + SEGMENT_US)
     cameras = tuple(now.rig.values())
+    contacts_us = [contact.t_us for other in now.others for contact in now.works[other.name].contacts]
     others = [now.works[name].arrays for name in now.rig if name != now.view.camera]
 
     def change(store: LabelStore) -> tuple[int, ...]:
-        labels = labels_between(store.labels(), others, cameras, times, now.t_us, now.breaks_us)
+        breaks_us = (*contacts_us, *(contact.t_us for contact in store.contacts()))
+        labels = labels_between(store.labels(), others, cameras, times, now.t_us, breaks_us)
         store.edit(put=labels)
         return tuple(label.t_us for label in labels)
 

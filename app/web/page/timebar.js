@@ -37,13 +37,13 @@
   const ask = (what, value) => rallyscope.send("bar", { do: what, value });
 
   const COLOURS = {
-    bounce: "#7fd4ff", hit: "#ff8c28", mark: "#ffffff",
+    bounce: "#7fd4ff", hit: "#ff8c28", net: "#ff6fae", mark: "#ffffff",
     found: "#3fb27f", missed: "#e8590c", false: "#f2c037",
     visible: "#5bffb6", partly_occluded: "#dcd653", occluded: "#d9703b", out_of_frame: "#5a96e6", no_ball: "#9698a0",
   };
   const RATES = ["#ff8c28", "#5096ff", "#6eeb82", "#e6a0ff"];
   let now = null, heard = 0; // the latest message, and when it came
-  let tracks = { duration: 0, rates: {}, moments: {}, runs: {}, top_hz: 0 };
+  let tracks = { duration: 0, rates: {}, moments: {}, runs: {}, contacts: [], top_hz: 0 };
   let view = null; // what part of the recording is spread over the line; null: all of it
   let hover = null, drag = null;
 
@@ -99,13 +99,27 @@
     });
   };
 
-  const drawMoment = (pen, x, y, kind) => {
+  const drawMoment = (pen, x, y, kind, apart = false) => {
     pen.fillStyle = COLOURS[kind] || "#ccc";
     pen.beginPath();
     if (kind === "hit") { pen.moveTo(x, y - 4); pen.lineTo(x + 4, y); pen.lineTo(x, y + 4); pen.lineTo(x - 4, y); }
     else if (kind === "mark") { pen.rect(x - 1, y - 6, 2, 12); pen.rect(x, y - 6, 7, 5); }
+    else if (kind === "net") pen.rect(x - 3, y - 3, 6, 6);
     else { pen.moveTo(x - 4, y - 3); pen.lineTo(x + 4, y - 3); pen.lineTo(x, y + 4); }
+    pen.closePath();
+    if (apart) pen.stroke(); // from the curves behind it
     pen.fill();
+  };
+
+  const drawContact = (pen, [t, sigma, kind, proposed]) => { // labelled, or pale: proposed
+    const x = toX(t), y = 20, reach = toX(t + sigma) - x;
+    pen.globalAlpha = proposed ? 0.4 : 1;
+    pen.fillStyle = COLOURS[kind];
+    pen.fillRect(x - reach, y - 0.5, 2 * reach, 1); // its standard deviation
+    pen.strokeStyle = "#14161a";
+    pen.lineWidth = 3;
+    drawMoment(pen, x, y, kind, true);
+    pen.globalAlpha = 1;
   };
 
   const draw = () => {
@@ -127,6 +141,7 @@
     drawRuns(pen, height - 6 * lines);
     drawRates(pen, width, 14, height - 6 * lines - 16);
     for (const [kind, times] of Object.entries(tracks.moments)) for (const t of times) drawMoment(pen, toX(t), 7, kind);
+    for (const contact of tracks.contacts) drawContact(pen, contact);
     for (const t of now.marks) drawMoment(pen, toX(t), 7, "mark");
     const x = toX(position());
     pen.fillStyle = "#fff";
@@ -162,6 +177,7 @@
   const showLegend = () => {
     const kinds = new Set([...Object.keys(tracks.moments).filter((kind) => tracks.moments[kind].length)]);
     for (const runs of Object.values(tracks.runs)) for (const [, , kind] of runs) kinds.add(kind);
+    for (const [, , kind] of tracks.contacts) kinds.add(kind);
     const legend = Object.keys(tracks.rates).map((name, number) => [name, RATES[number % RATES.length]]);
     for (const kind of kinds) legend.push([words(kind), COLOURS[kind] || "#888"]);
     find("#rallyscope-legend").title = legend.map(([name]) => name).join(", ");
@@ -223,7 +239,7 @@
 
   // Hands -----------------------------------------------------------------------------------------------------
 
-  const happenings = () => [...now.marks, ...Object.values(tracks.moments).flat(),
+  const happenings = () => [...now.marks, ...Object.values(tracks.moments).flat(), ...tracks.contacts.map(([t]) => t),
     ...(tracks.runs.detector || []).filter(([, , kind]) => kind !== "found").map(([start]) => start)].sort((a, b) => a - b);
 
   const act = (what) => {
@@ -247,6 +263,10 @@
   bar.addEventListener("click", (event) => {
     const pressed = event.target.closest("[data-do]");
     if (pressed) act(pressed.dataset.do);
+  });
+  addEventListener("click", (event) => { // a time in a list
+    const time = event.target.closest?.("[data-rallyscope-seek]");
+    if (time && now) ask("seek", Number(time.dataset.rallyscopeSeek));
   });
   rallyscope.ownField(time, (text) => {
     const t = timeOf(text), [first, last] = now.live ? [now.start, now.end] : [0, now.end];
@@ -301,6 +321,8 @@
     const said = [];
     for (const [kind, times] of [...Object.entries(tracks.moments), ["mark", now.marks]])
       if (times.some((one) => Math.abs(one - t) < near)) said.push(words(kind));
+    for (const [time, sigma, kind, proposed] of tracks.contacts)
+      if (Math.abs(time - t) < near) said.push(`${proposed ? "proposed" : "labelled"} ${kind}${sigma ? ` ±${(sigma / 1000).toFixed(2)} ms` : ""}`);
     for (const [line, runs] of Object.entries(tracks.runs)) {
       const run = runs.find(([start, end]) => start - near / 5 <= t && t < end + near / 5);
       if (run) said.push(`${line}: ${words(run[2])}`);

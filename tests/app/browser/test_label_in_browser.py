@@ -13,6 +13,7 @@ from app.pictures.palette import PaletteIndex, palette
 from app.state.commands import Seek, SetRendering
 from app.views.image_view import FOV_RAD, UNIT
 from labels.conflicts import how_settled
+from labels.contacts import contacts_of_truth
 from labels.model import LabelState, PositionSource
 from labels.store import LabelStore, Layer
 from tests.app.browser.window import Window, count_like
@@ -379,6 +380,50 @@ def test_a_click_where_no_circle_fits_asks_and_stores_nothing_until_a_radius_is_
     labelling.keys("x")
     eventually(lambda: labelling.label(BALL_US + 2000), "the key to arrive")
     assert labelling.label(BALL_US + 2000).state is LabelState.NO_BALL
+
+
+def test_contacts_are_proposed_accepted_set_and_moved_by_keys_and_reached_from_a_list(labelling, workspace) -> None:
+    page, work = labelling.page, labelling.work
+    contacts = lambda: [(one.t_us, str(one.kind)) for one in labelling.work.contacts]  # noqa: E731
+    heading = page.get_by_text("Bounces, hits and net")
+    heading.scroll_into_view_if_needed()
+    labelling.keys("Home", "i")
+    page.get_by_text("0 labelled, 1 proposed").wait_for()  # the bounce of the serve
+    page.get_by_text("proposed by refined").wait_for()
+    heading.scroll_into_view_if_needed()
+    labelling.window.screenshot("label-contacts-proposed")
+    labelling.keys("Shift+L")
+    bounce_us = labelling.work.proposed_contacts[0].t_us
+    labelling.settle(bounce_us)
+    labelling.keys("Shift+Enter")
+    page.get_by_text("1 labelled, 0 proposed").wait_for()
+    assert contacts() == [(bounce_us, "bounce")]
+    truth_us = contacts_of_truth(work.recording.ball)[0].t_us
+    assert abs(bounce_us - truth_us) < 1_000
+    labelling.window.seek(BALL_US)
+    page.mouse.click(*labelling.on_sheet(1200, -10))
+    labelling.settle(BALL_US)
+    labelling.keys("Shift+O", "n", "Shift+O")
+    labelling.settle(BALL_US + 2_000)
+    assert contacts() == [(BALL_US + 2_000, "hit"), (bounce_us, "bounce")], "set, and moved by the same key"
+    page.locator(f"[data-rallyscope-seek='{bounce_us}']").click()
+    labelling.settle(bounce_us)
+    labelling.window.screenshot("label-contacts")
+    tip = page.locator("#rallyscope-tip")
+    box, end_us = page.locator("#rallyscope-line").bounding_box(), labelling.window.state.playhead.duration_us
+    page.mouse.move(box["x"] + box["width"] * (BALL_US + 2_000) / end_us, box["y"] + 20)
+    eventually(lambda: "labelled hit ±0.58 ms" in tip.inner_text(), "the mark in the time bar to say what it is")
+    labelling.keys("Shift+Delete")
+    page.get_by_text("1 labelled, 1 proposed").wait_for()
+    labelling.keys("z")
+    page.get_by_text("2 labelled, 0 proposed").wait_for()
+    layer = Layer(work.recording.uuid, "left", work.view.annotator)
+    with LabelStore.read(workspace.labels, layer) as store:
+        made = {str(one.kind): one.provenance for one in store.contacts()}
+    assert {kind: (str(one.source), one.annotator) for kind, one in made.items()} == {
+        "bounce": ("accepted", work.view.annotator),
+        "hit": ("by_hand", work.view.annotator),
+    }
 
 
 def test_what_happens_meanwhile_does_not_write_into_the_name_that_is_typed(window) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from app.cli.main import main
+from app.modes.label.contacts import ContactSearch
 from app.modes.label.editor import LabelCallbacks, LabelEditor
 from app.modes.label.keys import ACTS
 from app.modes.label.label_picture import LineMark, PointMark
@@ -472,7 +473,8 @@ def test_a_second_look_goes_to_a_layer_of_its_own(bench: Bench) -> None:
 def test_a_short_recording_is_gone_through_in_steps_that_tell_how_far_it_is(bench) -> None:
     shares: list[float] = []
     streams = [bench.work.source.stream]
-    bench.suggestions._propose(streams, 0, 120_000, DETECTOR, shares.append, lambda: False)
+    contacts = ContactSearch(bench.work.rig, 0)
+    bench.suggestions._propose(streams, (0, 120_000), DETECTOR, contacts, shares.append, lambda: False)
     bench.wait()
     assert len(shares) >= 6 and shares == sorted(shares) and shares[-1] == 1.0
 
