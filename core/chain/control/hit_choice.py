@@ -13,13 +13,12 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from core.config import check_settings, setting
 from core.simulation.episodes.racket import RacketConfig
 from core.table import BALL_RADIUS_M, TABLE_LENGTH_M, TABLE_WIDTH_M
-from core.trajectory import Prediction
-from core.trajectory.prediction import HitPlane
+from core.trajectory.prediction import HitPlane, Stage, TablePoint
 
 Array = NDArray[np.float64]
 PAPER_X_M: Final = -1.42
@@ -144,6 +143,29 @@ class Stroke(NamedTuple):
     """Standard deviation of where it lands."""
 
 
+class FlightAhead(Protocol):
+    """A ball's flight as the choice asks for it: a prediction, or a flight that is known."""
+
+    @property
+    def t_us(self) -> int:
+        """Time of the newest observation."""
+        ...
+
+    @property
+    def stage(self) -> Stage:
+        """Which side of the bounce that is on."""
+        ...
+
+    @property
+    def bounces(self) -> Sequence[TablePoint]:
+        """Bounces on the table after it."""
+        ...
+
+    def crossings(self, xs_m: ArrayLike) -> Sequence[HitPlane | None]:
+        """The ball at planes (K,) of descending x; None where it never is."""
+        ...
+
+
 class StrokeModel(Protocol):
     """Says how a ball would be hit somewhere."""
 
@@ -177,9 +199,31 @@ class HitChoice:
     why_not: str
     """Why no stroke returns the ball; empty if one does."""
 
+    @property
+    def explanation(self) -> str:
+        """In words, why no stroke returns the ball, and where one nearly could; empty if one does."""
+        if not self.why_not:
+            return ""
+        near = [one for one in self.candidates if one.why_not == self.why_not]
+        if not near:
+            return cannot_be_returned(self.why_not, None)
+        return cannot_be_returned(self.why_not, min(near, key=lambda one: abs(one.hit.p_world_m[0] - PAPER_X_M)).hit)
+
+
+def plane_explanation(hit: HitPlane, config: HitChoiceConfig | None = None) -> str:
+    """In words, why a ball that is hit at the plane only cannot be returned; empty if it is high enough there."""
+    why_not = _too_low(hit, config or HitChoiceConfig())
+    return cannot_be_returned(why_not, hit) if why_not else ""
+
+
+def cannot_be_returned(why_not: str, hit: HitPlane | None) -> str:
+    """The sentence for a reason, at a place if there is one."""
+    where = "" if hit is None else f" at x = {hit.p_world_m[0]:.2f} m, z = {hit.p_world_m[2]:.2f} m"
+    return f"Ball cannot be returned: {why_not}{where}"
+
 
 def choose_hit(
-    prediction: Prediction,
+    prediction: FlightAhead,
     model: StrokeModel,
     racket: FaceTrajectory,
     reach: RacketReach,
@@ -220,7 +264,7 @@ def choose_hit(
 
 def _judge(
     hit: HitPlane,
-    prediction: Prediction,
+    prediction: FlightAhead,
     bounced_s: float | None,
     model: StrokeModel,
     racket: FaceTrajectory | None,
@@ -243,14 +287,14 @@ def _judge(
     return HitCandidate(hit, stroke.chance, stroke.landing_sigma_m, "")
 
 
-def _since_bounce_s(hit: HitPlane, prediction: Prediction, bounced_s: float | None) -> float:
+def _since_bounce_s(hit: HitPlane, prediction: FlightAhead, bounced_s: float | None) -> float:
     """Time from the bounce on the robot's half to the hit; -infinity if there is none, nan where it is not known."""
     if prediction.stage == "post":
         return math.nan if bounced_s is None else hit.t_s - bounced_s
     return hit.t_s - prediction.bounces[0].t_s if prediction.bounces else -math.inf
 
 
-def _against_the_rules(hit: HitPlane, prediction: Prediction, since_s: float, config: HitChoiceConfig) -> str:
+def _against_the_rules(hit: HitPlane, prediction: FlightAhead, since_s: float, config: HitChoiceConfig) -> str:
     if prediction.stage == "pre":
         if since_s == -math.inf:
             return NO_BOUNCE
