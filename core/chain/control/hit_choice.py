@@ -33,10 +33,13 @@ BELOW: Final = "below the table's top"
 TOO_LOW: Final = "too low: the face would touch the table"
 NO_STROKE: Final = "no stroke brings it over the net and onto the table"
 OUT_OF_REACH: Final = "out of the racket's reach"
+WAY_OUT: Final = "the way there leaves the robot's box"
+TILTED: Final = "the face would be tilted more than the robot allows"
 TOO_SLOW: Final = "the racket is too slow for the way there"
 NO_TIME: Final = "the racket cannot be there in time"
+ROUNDING_M: Final = 1e-9
 REASONS: Final = (
-    NOT_YET, NO_BOUNCE, TOO_SOON, TWICE, BELOW, TOO_LOW, NO_STROKE, OUT_OF_REACH, NO_TIME, TOO_SLOW,
+    NOT_YET, NO_BOUNCE, TOO_SOON, TWICE, BELOW, TOO_LOW, NO_STROKE, OUT_OF_REACH, TILTED, WAY_OUT, NO_TIME, TOO_SLOW,
 )  # fmt: skip
 """Why a ball cannot be hit somewhere, from what nothing can change to what nearly was a stroke."""
 
@@ -97,6 +100,9 @@ class RacketReach:
     """Corners of a box that it never leaves; infinite where there is none."""
     max_speed_mps: float
     max_acceleration_mps2: float
+    normal: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    """From it the face's normal is turned away by no more than ..."""
+    max_tilt_rad: float = math.pi
 
     @staticmethod
     def of_config(racket: RacketConfig) -> RacketReach:
@@ -141,6 +147,8 @@ class Stroke(NamedTuple):
     """Probability that the ball comes back."""
     landing_sigma_m: float
     """Standard deviation of where it lands."""
+    normal: Array
+    """(3,) of the face."""
 
 
 class FlightAhead(Protocol):
@@ -316,10 +324,17 @@ def _too_low(hit: HitPlane, config: HitChoiceConfig) -> str:
 
 
 def _out_of_reach(stroke: Stroke, t_s: float, racket: FaceTrajectory | None, reach: RacketReach) -> str:
-    face = stroke.face_m
-    outside = (face < np.array(reach.low_m)).any() or (face > np.array(reach.high_m)).any()
+    face, speed_mps = stroke.face_m, float(np.linalg.norm(stroke.v_mps))
+    if speed_mps > reach.max_speed_mps:
+        return TOO_SLOW
+    low, high = np.array(reach.low_m), np.array(reach.high_m)
+    # After the stroke it has to stop inside of its box too; a target that it cannot stop behind is refused.
+    braked = face + stroke.v_mps * (speed_mps / (2 * reach.max_acceleration_mps2))
+    outside = (np.minimum(face, braked) < low).any() or (np.maximum(face, braked) > high).any()
     if outside or float(np.linalg.norm(face - np.array(reach.home_m))) > reach.reach_m:
         return OUT_OF_REACH
+    if math.acos(max(-1.0, min(1.0, float(stroke.normal @ np.array(reach.normal))))) > reach.max_tilt_rad:
+        return TILTED
     if racket is None:
         return ""
     left_s = t_s - racket.t_s
@@ -331,7 +346,12 @@ def _out_of_reach(stroke: Stroke, t_s: float, racket: FaceTrajectory | None, rea
     slope = (end - start) / left_s
     shares = np.linspace(0.0, left_s, 9)[:, None]
     fastest = float(np.linalg.norm(racket.v_mps + start * shares + slope * shares**2 / 2, axis=1).max())
-    return TOO_SLOW if fastest > reach.max_speed_mps else ""
+    if fastest > reach.max_speed_mps:
+        return TOO_SLOW
+    way = racket.p_m + racket.v_mps * shares + start * shares**2 / 2 + slope * shares**3 / 6
+    # A racket outside of its box may come back into it.
+    low, high = np.minimum(low, racket.p_m) - ROUNDING_M, np.maximum(high, racket.p_m) + ROUNDING_M
+    return WAY_OUT if ((way < low) | (way > high)).any() else ""
 
 
 def expected_covariance(hit: HitPlane, since_s: float, config: HitChoiceConfig) -> Array:
