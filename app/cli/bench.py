@@ -48,7 +48,7 @@ CHECKOUT: Final = Path(__file__).parents[2]
 
 OPTIONS = (
     "count", "seeds", "trials", "folder", "report", "chain", "balls", "speeds", "physics", "only", "recorded", "data",
-    "annotator", "soak", "rig", "cameras", "hit",
+    "annotator", "soak", "rig", "cameras", "hit", "seed", "unknown", "elevation_spread",
 )  # fmt: skip
 """That only some of them have."""
 
@@ -70,8 +70,8 @@ class BenchArguments:
         "what is measured is kept here (learning, drawn-scenes, rivals, paper-perception, outcomes, robustness)"
     )
     report: Path | None = flag("the page, for a bench that writes one", "FILE.md")
-    chain: Literal["filter", "fit", "paper", "auto", "known"] | None = flag(
-        "which chain plays (rally)", "filter|fit|paper|auto|known", "the first three"
+    chain: Literal["filter", "fit", "paper", "auto", "points", "known"] | None = flag(
+        "which chain plays (rally)", "filter|fit|paper|auto|points|known", "the first three"
     )
     balls: PositiveInt | None = flag(
         "of each chain and speed (rally), through cameras (outcomes), of each row (robustness)", "N", "20, 40, 100"
@@ -79,6 +79,11 @@ class BenchArguments:
     speeds: Numbers | None = flag("of the serves (rally)", "MPS,MPS...", "3 to 9")
     physics: Literal["paper", "real"] | None = flag("of the balls (rally, outcomes)", "paper|real", "paper; both")
     hit: Literal["chosen", "paper"] | None = flag("where balls are met (rally)", "chosen|paper", "paper")
+    unknown: bool = flag("chain and controller learn air and table instead of being told (rally)")
+    elevation_spread: PositiveFloat | None = flag(
+        "serves up to so much flatter and steeper than the standard ones, 10 at most (rally)", "DEG", "0"
+    )
+    seed: int | None = flag("of the serves (rally)", "N", "2026")
     soak: PositiveFloat | None = flag("under load for so long (app)", "MINUTES")
     only: str | None = flag(
         "return, page, pace or cameras (app); a row (robustness); real-balls (learning); "
@@ -126,7 +131,9 @@ def requested_bench(arguments: BenchArguments) -> tuple[Callable[..., dict[str, 
     if arguments.recorded is not None:
         name = OWN_RECORDINGS.get(arguments.name, name)
     module = load_from_checkout(name)
-    options: dict[str, object] = given({name: getattr(arguments, name) for name in OPTIONS})
+    options: dict[str, object] = given({name: getattr(arguments, name) or None for name in OPTIONS if name != "seed"})
+    if arguments.seed is not None:
+        options["seed"] = arguments.seed
     taken = inspect.signature(module.run).parameters.keys()
     asked = given({"jobs": arguments.engine.jobs, "cluster": arguments.engine.cluster})
     for option in [*(options.keys() - taken), *([] if "engine" in taken else asked)]:

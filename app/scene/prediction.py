@@ -207,6 +207,12 @@ STILL_M: Final = 0.001
 PLANE_WIDTH_M: Final = 1.6
 PLANE_HEIGHT_M: Final = 0.7
 ABOVE_M: Final = 0.002
+PLACE_RGB: Final = (96, 150, 170)
+REFUSED_RGB: Final = (110, 90, 90)
+"""Pale: the places that were not chosen."""
+PLACE_M: Final = 0.022
+PLACES: Final = 24
+"""Most places shown of each kind; the choice has 14."""
 
 
 class PredictionActors:
@@ -222,6 +228,11 @@ class PredictionActors:
             f"{root}/bounce", ring(BOUNCE_M), AFTER_RGB, thickness=0.010, visible=False
         )
         self._hit = scene.add_icosphere(f"{root}/hit", 0.026, AFTER_RGB, opacity=0.8, visible=False, cast_shadow=False)
+        empty = np.zeros((4 * PLACES, 2, 3), np.float32)
+        self._places, self._refused = (
+            scene.add_line_segments(f"{root}/{name}", empty, rgb, thickness=0.004, visible=False)
+            for name, rgb in (("places", PLACE_RGB), ("refused", REFUSED_RGB))
+        )
         self._paths: list[Array | None] = [None, None]
         self._bounces: Array | None = None
         self._hits: Array | None = None
@@ -233,6 +244,13 @@ class PredictionActors:
             f"{root}/plane", edges, PLANE_RGB, thickness=PLANE_PX, thickness_units="screen"
         )
 
+    def show_places(self, places: Array, refused: Array) -> None:
+        """Where else the ball could be hit (N, 3), and where it cannot (M, 3); empty to hide them."""
+        for handle, ps_m in ((self._places, places), (self._refused, refused)):
+            handle.visible = len(ps_m) > 0
+            if len(ps_m) and not np.array_equal(points := diamonds(ps_m), handle.points):
+                handle.points = points
+
     def show(self, before: Array, after: Array, bounce: Array | None, hit: Array | None, *, plane: bool) -> None:
         """The paths (N, 3), empty to hide them; the points (3,).
 
@@ -240,7 +258,7 @@ class PredictionActors:
             before: (N, 3) path of the prediction before the bounce, world, m.
             after: (M, 3) path of the one after it.
             bounce: (3,) where it bounces.
-            hit: (3,) where it comes through the hitting plane.
+            hit: (3,) where it is to be hit.
             plane: whether the hitting plane is drawn.
         """
         for number, (handle, path) in enumerate(((self._before, before), (self._after, after))):
@@ -269,6 +287,19 @@ def segments(path: Array, points: int) -> NDArray[np.float32]:
     rows = np.arange(len(path))
     even = np.stack([np.interp(at, rows, path[:, k]) for k in range(3)], axis=1)
     return np.stack([even[:-1], even[1:]], axis=1).astype(np.float32)
+
+
+def diamonds(ps_world_m: Array) -> NDArray[np.float32]:
+    """(4 PLACES, 2, 3) edges of an upright diamond round each of the points (N, 3), across the table's length.
+
+    Always as many, so that the handle is reused: those without a point have no length.
+    """
+    corners = PLACE_M * np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
+    edges = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+    found = np.tile(ps_world_m[0], (PLACES, 4, 2, 1)).astype(np.float32)
+    shown = ps_world_m[:PLACES]
+    found[: len(shown)] = shown[:, None, None] + edges
+    return found.reshape(-1, 2, 3)
 
 
 def ring(radius_m: float, corners: int = 24) -> NDArray[np.float32]:

@@ -37,6 +37,9 @@ NOTE_CLEAR: Final = 0.10
 BESIDE_M: Final = np.array([0.0, -0.06, 0.0])
 ABOVE_M: Final = np.array([0.0, 0.0, 0.11])
 """From what they tell of: beside the ring of the bounce, above the racket's blade."""
+BELOW_M: Final = np.array([0.0, 0.0, -0.11])
+NO_STROKE_M: Final = (-1.42, 0.0, 0.3)
+"""Place of the sentence on a ball that does not come to the robot."""
 STILL_M: Final = 0.005
 """What is expected trembles a little; words need not."""
 ROUNDED_MS: Final = 10
@@ -53,10 +56,17 @@ class NoteActors:
         self._hit = scene.add_label(
             f"{name}/hit", "", anchor="bottom-center", font_screen_scale=NOTE_SIZE, visible=False
         )
+        self._no_stroke = scene.add_label(
+            f"{name}/no-stroke", "", anchor="top-center", font_screen_scale=NOTE_SIZE, visible=False
+        )
         self._places: dict[str, Array] = {}
 
     def show(self, picture: RallyPicture, eye: ViewCamera | None) -> None:
-        """What is still to come of a moment."""
+        """What is still to come of a moment, and why nothing can be done."""
+        self._no_stroke.visible = bool(picture.no_stroke)
+        if picture.no_stroke:
+            self._no_stroke.text = picture.no_stroke
+            self._no_stroke.position = NO_STROKE_M if picture.hit is None else picture.hit + BELOW_M
         notes = (
             (self._bounce, "bounce", picture.bounce, picture.bounce_in_s, BESIDE_M),
             (self._hit, "hit", picture.hit, picture.hit_in_s, ABOVE_M),
@@ -205,6 +215,9 @@ class World:
                 picture.bounce if expected else None,
                 picture.hit if expected else None,
                 plane="Hitting plane" in on,
+            )
+            self._prediction.show_places(
+                picture.hit_places if expected else _NO_PATH, picture.refused_places if expected else _NO_PATH
             )
             if "Uncertainty" in on:
                 self._uncertainty.show(picture.tube, picture.tube_sigmas, picture.spreads)

@@ -362,11 +362,11 @@ class LiveRally:
         """Handle a step, in the player's thread."""
         if session == self._session:
             if not self.has_robot:  # there is no racket to show
-                state, decision = replace(state, decision=None), None
+                state, decision = replace(state, decision=None, choice=None), None
             self.history.add_step(state)
             self._watch_calibration(state)
             if self._outcome_classifier is not None:
-                self._outcome_classifier.add_step(state.chain)
+                self._outcome_classifier.add_step(state.chain, state.decision)
             self.rows.add_step(state, decision)
 
     def _watch_calibration(self, state: PlayerState) -> None:

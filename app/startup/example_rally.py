@@ -28,6 +28,8 @@ SPEED: Final = 0.5
 """Seconds of the rally per second of wall time."""
 DECIMALS: Final = 4
 """Decimals that are kept of metres: a tenth of a millimetre."""
+LEFT_OUT: Final = ("people", "hit_places", "refused_places", "no_stroke")
+"""Fields that the file does not have: it shows the paper's plane."""
 NONE: Final = -1
 """Length that stands for a value that is None."""
 
@@ -69,7 +71,7 @@ def example_pictures() -> tuple[RallyPicture, ...]:
 
 
 def pack_pictures(pictures: Sequence[RallyPicture]) -> bytes:
-    """Pictures as an npz: all values of a field one after the other, and their lengths. People are left out."""
+    """Pictures as an npz: all values of a field one after the other, and their lengths, without LEFT_OUT."""
     columns = {}
     for name in _READERS:
         values = [_flat(name, getattr(picture, name)) for picture in pictures]
@@ -141,7 +143,7 @@ def _spots(flat: Array) -> tuple[LandingSpot, ...]:
 
 
 _READERS: Final[dict[str, Callable[[Array], Any]]] = {
-    **{one.name: lambda flat: flat for one in fields(RallyPicture) if one.name != "people"},
+    **{one.name: lambda flat: flat for one in fields(RallyPicture) if one.name not in LEFT_OUT},
     **dict.fromkeys(("trail", "before_bounce", "after_bounce", "tube", "tube_sigmas"), _points),
     **dict.fromkeys(("bounce_in_s", "hit_in_s"), lambda flat: float(flat[0])),
     **dict.fromkeys(("racket", "racket_target"), _pose),

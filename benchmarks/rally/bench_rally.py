@@ -3,9 +3,9 @@
 Balls of one speed follow one another in a simulated world with two cameras of the `side` placement and the racket in
 their picture; the built-in controller plays. Chains: `filter` is the live rally's; `fit` has its detector, and gravity
 through twelve points; `paper` has nothing that the paper has not; on request `auto`, the filter with the detector
-`auto`, and `known`: no cameras, the controller is told at the launch exactly what will arrive. The world goes on in
-blocks of 10 ms and waits for the chain: that block is the delay of perception, and how busy the machine is changes no
-outcome. Seeds are fixed.
+`auto`; `points`, the filter with noisy points instead of cameras; and `known`: no cameras, the controller is told at
+the launch exactly what will arrive. The world goes on in blocks of 10 ms and waits for the chain: that block is the
+delay of perception, and how busy the machine is changes no outcome. Seeds are fixed.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import math
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final, Literal
 
@@ -27,6 +27,7 @@ from core.cameras import stereo_preset
 from core.cameras.presets import SENSOR_720
 from core.chain.config import ChainConfig, HitRule, published_chain
 from core.chain.control.controller import BuiltInController
+from core.chain.control.hit_choice import BELOW, HitChoiceConfig
 from core.chain.control.player import PlayerState
 from core.chain.follow import true_positions
 from core.events import SensorSize
@@ -46,11 +47,12 @@ CHAIN_NAMES: Final = {
     "fit": "the same detector, gravity through twelve points 4 ms apart, friction at the table",
     "paper": "the paper's detector; five points 10 ms apart, one factor at the table, five new ones after the bounce",
     "auto": "the live rally's filter, with what the detector `auto` sees",
+    "points": "the live rally's filter; no cameras: the ball's true place with 0.8 mm of noise along each axis, 500 Hz",
     "known": "no cameras: told at the launch exactly what will arrive",
 }
 ABOUT: Final = """Two 1280x720 cameras of the `side` placement, noise 0.1 events/s/pixel, physics `{physics}`, serves
 without spin, built-in controller aimed at (0.8, 0) m, racket in the picture, windows of 2 ms. Chain and
-controller are `told` the physics exactly. The world waits for the
+controller {knowledge}. The world waits for the
 chain, so the load of the machine changes no outcome; the delay is a block of 10 ms. Landing: from where a returned ball
 lands to the goal. Intervals are Wilson's. A step is wall time of chain and controller beside whatever else ran."""
 TITLES: Final = (
@@ -60,14 +62,15 @@ TITLES: Final = (
 
 
 def write_rally_report(
-    rows: Sequence[Mapping[str, object]], machine: Mapping[str, object], seed: int, physics: str
+    rows: Sequence[Mapping[str, object]], machine: Mapping[str, object], seed: int, physics: str, *, unknown: bool
 ) -> str:
     """The page as Markdown."""
+    knowledge = "learn air and table from ball to ball" if unknown else "are `told` the physics exactly"
     parts = [
         "# Balls returned through perception",
         f"Made by `rallyscope bench rally --report docs/measured/rally-report.md` (seed {seed};"
         f" {machine_words(machine)}).",
-        ABOUT.format(physics=physics),
+        ABOUT.format(physics=physics, knowledge=knowledge),
     ]
     for chain, words in CHAIN_NAMES.items():
         mine = [row for row in rows if row["chain"] == chain]
@@ -126,12 +129,13 @@ def measure_known_balls(task: TaskConfig, speed_mps: float, balls: int, seed: in
         "step_ms_p99": None,
         "chain_cores": None,
         "wall_s_per_ball": None,
+        "lost": None,
     }
 
 
 Array = NDArray[np.float64]
 
-ChainName = Literal["filter", "fit", "paper", "auto", "known"]
+ChainName = Literal["filter", "fit", "paper", "auto", "points", "known"]
 CHAINS: Final[tuple[ChainName, ...]] = ("filter", "fit", "paper")
 """Measured if none is named."""
 BALLS: Final = 20
@@ -140,6 +144,10 @@ SEED: Final = 2026
 FEWEST_POINTS: Final = 5
 """A ball counts as seen from so many points in space on: what a prediction needs."""
 WINDOW_US: Final = 2000
+POINT_SIGMA_M: Final = 0.0008
+"""Of the chain `points`: worse than two cameras of 1280x720, whose points are 0.4 mm off (median; p95 1.1 mm)."""
+WRONG_M: Final = 0.02
+"""A ball farther than its radius from where it was expected was predicted wrong."""
 
 
 @dataclass(slots=True)
@@ -170,14 +178,14 @@ class Watched:
         return errors[np.isfinite(errors)]
 
 
-def chain_named(name: Literal["filter", "fit", "paper", "auto"]) -> ChainConfig:
-    """`filter`: the live rally's; `fit`: its detector, gravity through twelve points; `paper`: as published; `auto`:
-    the filter with what the detector `auto` sees.
+def chain_named(name: Literal["filter", "fit", "paper", "auto", "points"]) -> ChainConfig:
+    """`filter`, `points`: the live rally's; `fit`: its detector, gravity through twelve points; `paper`: as published;
+    `auto`: the filter with what the detector `auto` sees.
     """
     match name:
         case "auto":
             return ChainConfig.of_method("auto")
-        case "filter":
+        case "filter" | "points":
             return ChainConfig()
         case "fit":
             return ChainConfig(prediction="fit")
@@ -193,28 +201,52 @@ def run(
     speeds: tuple[float, ...] = STAGE_SPEEDS_MPS,
     physics: Profile = "paper",
     hit: HitRule = "paper",
+    unknown: bool = False,
+    elevation_spread: float = 0.0,
+    seed: int = SEED,
     report: Path | None = None,
 ) -> dict[str, object]:
-    """A row per chain and speed, and the machine; by default three chains. `hit`: where balls are met; `known` plays at
-    the plane. `report` is a page for the rows.
+    """A row per chain and speed, and the machine; by default three chains.
+
+    Args:
+        progress: gets the share that is done, and rows.
+        chain: one chain; None: three.
+        balls: of each chain and speed.
+        speeds: of the serves, m/s.
+        physics: of the balls.
+        hit: where balls are met; `known` plays at the plane.
+        unknown: whether chain and controller learn the constants of air and table; `known` knows the ball anyway.
+        elevation_spread: half the range of the serves' elevation about the standard one, degrees.
+        seed: of the serves.
+        report: a page for the rows.
     """
     chains: tuple[ChainName, ...] = CHAINS if chain is None else (chain,)
     cases: list[tuple[ChainName, float]] = [(name, speed) for name in chains for speed in speeds]
     rows: list[dict[str, object]] = []
     for name, speed in cases:
         task = task_profile(physics)
+        task = replace(task, serve=replace(task.serve, elevation_spread_deg=elevation_spread))
         if name == "known":
-            row = measure_known_balls(task, speed, balls, SEED)
+            row = measure_known_balls(task, speed, balls, seed)
         else:
             row = measure_rally(
-                SENSOR_720, speed, balls, chain=chain_named(name), world=WorldConfig(task=task), hit=hit
+                SENSOR_720,
+                speed,
+                balls,
+                seed=seed,
+                chain=chain_named(name),
+                world=WorldConfig(task=task),
+                hit=hit,
+                unknown=unknown,
+                point_sigma_m=POINT_SIGMA_M if name == "points" else None,
             )
         rows.append({"chain": name} | row)
         report_rows_to(progress, rows[-1:], len(rows) / len(cases))
     clock = "wall time per step of chain and controller; `chain_cores` is time of steps per simulated time"
     machine = describe_machine("numba", "numpy", "mujoco", clock=clock)
     if report is not None:
-        replace_file(report, write_rally_report(rows, machine, SEED, physics).encode(), durable=False)
+        page = write_rally_report(rows, machine, seed, physics, unknown=unknown)
+        replace_file(report, page.encode(), durable=False)
     return {"rows": rows, "machine": machine}
 
 
@@ -227,19 +259,22 @@ def measure_rally(
     chain: ChainConfig | None = None,
     world: WorldConfig | None = None,
     hit: HitRule = "paper",
+    unknown: bool = False,
+    point_sigma_m: float | None = None,
 ) -> dict[str, object]:
-    """One row; `chain` may have settings of its own, such as another prediction. Both are told the world's physics."""
+    """One row; `chain` may have settings of its own, such as another prediction. Both are told the world's physics
+    unless it is `unknown`. With `point_sigma_m` no camera looks, see `ClosedLoop`.
+    """
     world = world or WorldConfig()
-    controller = BuiltInController(world.task)
     loop = ClosedLoop(
         world,
         stereo_preset(sensor=sensor),
         seed=seed,
         chain=chain,
-        controller=controller,
         window_us=WINDOW_US,
-        knows_physics=True,
+        knows_physics=not unknown,
         hit=hit,
+        point_sigma_m=point_sigma_m,
     )
     watched, played = [], []
     began_s = time.perf_counter()
@@ -255,11 +290,26 @@ def measure_rally(
         "speed_mps": speed_mps,
         "balls": balls,
         "seen": float(np.mean([len(one.t_us) >= FEWEST_POINTS for one in watched])),
-        **_returns(played, controller.goal_m),
+        **_returns(played, BuiltInController(world.task).goal_m),
         **_errors(watched),
         **_times(watched),
         "wall_s_per_ball": (time.perf_counter() - began_s) / balls,
+        "lost": dict(Counter(cause_of_loss(ball) for ball in played if not ball.returned)),
     }
+
+
+def cause_of_loss(ball: PlayedBall) -> str:
+    """Why a ball did not come back, in words: no stroke could, it was predicted wrong, or what the stroke did."""
+    if ball.choice is not None and ball.choice.chosen is None:
+        return f"no stroke: {ball.choice.why_not}"
+    if not ball.decisions:
+        return "no command"
+    if ball.aim_error_m > WRONG_M:
+        return "predicted wrong"
+    x, _, z = ball.decisions[-1].state[:3]
+    if z < HitChoiceConfig().lowest_m:
+        return f"hit {BELOW}"
+    return f"{ball.judged.outcome.case.name.lower().replace('_', ' ')}, hit at x = {x:.2f} m, z = {z:.2f} m"
 
 
 def _returns(played: list[PlayedBall], goal_m: Array) -> dict[str, object]:

@@ -15,16 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras import Camera
-from core.chain.chain import RallyChain
+from core.chain.chain import AlignedPixels, BallPoint, RallyChain
 from core.chain.config import ChainConfig, HitRule, chain_for_physics, expected_physics
 from core.chain.control.controller import BuiltInController, Controller, RacketDecision
-from core.chain.control.hit_choice import RacketReach
+from core.chain.control.hit_choice import HitChoice, RacketReach
 from core.chain.control.player import Player, PlayerState
+from core.chain.follow import true_positions
+from core.detection import Detection
 from core.detection.window import block_windows
 from core.errors import ConfigError
-from core.events import Events
+from core.events import Events, Window
 from core.live.worlds.world import Block, ClassifiedBall, SimulatedWorld, WorldConfig
 from core.physics.episode import Case
+from core.recordings import BallTruth
 from core.simulation.episodes.incoming import RecordedServes
 from core.simulation.episodes.racket import RacketTarget
 
@@ -46,7 +49,10 @@ class PlayedBall:
     decisions: tuple[RacketDecision, ...]
     """Decisions in their order; the last one is what the racket did."""
     aim_error_m: float
-    """From where the ball crossed the hitting plane, or was hit, to where it was expected; NaN without a command."""
+    """From where the ball was hit, or without a hit was at the same x, to where it was expected; NaN without a command,
+    or where the ball never came so far."""
+    choice: HitChoice | None = None
+    """The last choice of where it is to be hit; None at the paper's plane."""
 
     @property
     def returned(self) -> bool:
@@ -75,6 +81,35 @@ class Between(Protocol):
         ...
 
 
+class _PointChain(RallyChain):
+    """The chain with points that are not from cameras: all but detection and stereo."""
+
+    def __init__(
+        self, cameras: Mapping[str, Camera], config: ChainConfig, sigma_m: float, rng: np.random.Generator
+    ) -> None:
+        super().__init__(cameras, config)
+        self._sigma_m, self._rng = sigma_m, rng
+        self._empty = {name: Events.empty(camera.sensor) for name, camera in cameras.items()}
+        self._truth: BallTruth | None = None
+
+    def look(self, truth: BallTruth) -> Mapping[str, Events]:
+        """Take the ball of a block; returns the events that its windows hold, none."""
+        self._truth = truth
+        return self._empty
+
+    def _triangulate(
+        self, detections: dict[str, Detection | None], windows: Mapping[str, Window]
+    ) -> tuple[BallPoint | None, AlignedPixels | None]:
+        window = next(iter(windows.values()))
+        t_us = (window.start_us + window.end_us) // 2
+        noise_m = self._rng.normal(0.0, self._sigma_m, 3)  # also without a ball: what one sees changes no other's noise
+        true_m = np.full(3, np.nan) if self._truth is None else true_positions(self._truth, t_us)[0]
+        if not np.isfinite(true_m).all():
+            return None, None
+        pixels = dict.fromkeys(self._empty, (0.0, 0.0))  # of several cameras, as a point of one counts less
+        return BallPoint(t_us, true_m + noise_m, 0.0, self._sigma_m**2 * np.eye(3), pixels), None
+
+
 class ClosedLoop:
     """A simulated world, and a chain and a controller that play in it."""
 
@@ -92,6 +127,7 @@ class ClosedLoop:
         believed: Mapping[str, Camera] | None = None,
         between: Between | None = None,
         hit: HitRule = "paper",
+        point_sigma_m: float | None = None,
     ) -> None:
         """By default the built-in controller plays, and the chain learns the physical constants and passes them on to
         it. With `knows_physics` both get the world's exact constants. The built-in controller knows the racket's
@@ -99,19 +135,24 @@ class ClosedLoop:
 
         `hit`: where balls are met, see `Player`.
 
-        With `recorded`, the balls that are served are of those.
+        With `recorded`, the balls that are served are of those. With `point_sigma_m` no camera looks: the chain gets
+        the ball's true place with noise of that standard deviation along each axis, a point a window.
 
         Raises:
             CalibrationError: if the cameras cannot see depth.
         """
-        self.world = SimulatedWorld(world, cameras, seed, recorded=recorded)
+        seen, threads = (cameras, None) if point_sigma_m is None else ({}, 1)
+        self.world = SimulatedWorld(world, seen, seed, threads=threads, recorded=recorded)
         config, task = chain or ChainConfig(), world.task
         if knows_physics:
             config = chain_for_physics(config, task.physics)
         else:
             task = replace(task, physics=expected_physics(task.physics))
+        self._points: _PointChain | None = None
+        if point_sigma_m is not None:
+            self._points = _PointChain(cameras, config, point_sigma_m, np.random.default_rng([seed, 1]))
         self.player = Player(
-            RallyChain(believed or cameras, config),
+            self._points or RallyChain(believed or cameras, config),
             controller or BuiltInController(task),
             hit=hit,
             reach=RacketReach.of_config(world.racket),
@@ -128,18 +169,23 @@ class ClosedLoop:
         self.world.draw_serve(speed_mps)
         self.player.forget_flight()
         decisions: list[RacketDecision] = []
+        flown: list[BallTruth] = []
+        choice: HitChoice | None = None
         end_us = self.world.now_us + round(1e6 * LONGEST_BALL_S)
         while self.world.now_us < end_us:
             block = self.world.advance()
             states = list(self._perceive(block))
             if on_block is not None:
                 on_block(block, states)
+            flown.append(block.ball)
+            choice = next((state.choice for state in reversed(states) if state.choice is not None), choice)
             decided = [self._decide(state) for state in states]
             decisions += [decision for decision in decided if decision is not None]
             if block.outcomes:
                 judged = block.outcomes[0]
                 self._rest()
-                return PlayedBall(speed_mps, judged, tuple(decisions), _aim_error_m(judged, decisions))
+                error_m = _aim_error_m(judged, decisions, flown)
+                return PlayedBall(speed_mps, judged, tuple(decisions), error_m, choice)
         raise ConfigError("a ball without an outcome", got=f"{LONGEST_BALL_S} s after a {speed_mps:g} m/s serve")
 
     def _rest(self) -> None:
@@ -157,6 +203,8 @@ class ClosedLoop:
 
     def _perceive(self, block: Block) -> Iterator[PlayerState]:
         events = block.events
+        if self._points is not None:
+            events = self._points.look(block.ball)
         if self._between is not None:
             events = self._between.seen(events, block.start_us, block.end_us)
         for windows in block_windows(events, block.start_us, block.end_us, self._window_us):
@@ -178,7 +226,19 @@ class ClosedLoop:
         return decision
 
 
-def _aim_error_m(judged: ClassifiedBall, decisions: list[RacketDecision]) -> float:
+def _aim_error_m(judged: ClassifiedBall, decisions: list[RacketDecision], flown: list[BallTruth]) -> float:
     if not decisions:
         return float("nan")
-    return float(np.linalg.norm(judged.arrival[1:3] - decisions[-1].state[1:3]))
+    expected_m = decisions[-1].state[:3]
+    came_m = judged.arrival[:3] if np.isfinite(judged.q_wxyz[0]) else _at_plane(flown, float(expected_m[0]))
+    return float(np.linalg.norm(came_m[1:3] - expected_m[1:3]))
+
+
+def _at_plane(flown: list[BallTruth], x_m: float) -> Array:
+    """(3,) where the ball first was at a plane on its way to the robot; NaN if it never came there."""
+    ps_m = np.concatenate([part.p_world_m[part.visible] for part in flown])
+    passed = np.flatnonzero((ps_m[:-1, 0] > x_m) & (ps_m[1:, 0] <= x_m))
+    if not len(passed):
+        return np.full(3, np.nan)
+    before, after = ps_m[passed[0]], ps_m[passed[0] + 1]
+    return before + (x_m - before[0]) / (after[0] - before[0]) * (after - before)

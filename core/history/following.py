@@ -133,7 +133,7 @@ class Following:
             self.history.add_step(state)
             self.drift.add(state.chain)
             if judge is not None:
-                note_stroke(self.history, judge.step(state.chain))
+                note_stroke(self.history, judge.step(state.chain, self.history.recorded_target(state.chain.t_us)))
             self.share = state.chain.t_us / duration_us
         self.share = 1.0
 

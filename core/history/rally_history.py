@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from core.chain.chain import BallPoint
 from core.chain.control.controller import RacketDecision
 from core.chain.control.player import PlayerState
-from core.history.rally_picture import LandingSpot, Pose, RallyPicture, UncertaintyEllipse
+from core.history.rally_picture import LandingSpot, Pose, RallyPicture
+from core.history.shown_prediction import ShownPrediction, places_of, shown_prediction, spreads_of
 from core.recordings import BallTruth
 from core.trajectory import Prediction
 from core.trajectory.prediction import HitPlane
@@ -40,25 +41,6 @@ def trail_speeds_mps(t_us: NDArray[np.int64], ps_world_m: Array) -> Array:
     return np.linalg.norm(ps_world_m[last] - ps_world_m[first], axis=1) / seconds
 
 
-def spreads_of(prediction: Prediction) -> tuple[UncertaintyEllipse, ...]:
-    """One-sigma ellipses of the expected next bounce (horizontal) and of the hit (in the hitting plane)."""
-    found: list[UncertaintyEllipse] = []
-    if prediction.bounces:
-        bounce = prediction.bounces[0]
-        found.append(
-            UncertaintyEllipse(
-                bounce.p_world_m, np.array([[bounce.sigma_m[0], 0.0, 0.0], [0.0, bounce.sigma_m[1], 0.0]])
-            )
-        )
-    hit = prediction.hit_plane
-    if hit is not None:
-        variances, directions = np.linalg.eigh(hit.covariance[1:3, 1:3])
-        lengths = np.sqrt(np.maximum(variances, 0.0))
-        axes = np.column_stack([np.zeros(2), (directions * lengths).T])
-        found.append(UncertaintyEllipse(hit.p_world_m, axes))
-    return tuple(found)
-
-
 Item = TypeVar("Item")
 
 TRAIL_US: Final = 700_000
@@ -72,31 +54,7 @@ OUTCOMES_KEPT: Final = 200
 """Most outcomes kept of a live rally: more landing points would cover each other."""
 RACKET_US: Final = 200_000
 """A racket's target is shown this long after its time."""
-PATH_POINTS: Final = 48
-TUBE_POINTS: Final = 20
 SPEED_POINTS: Final = 6
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ShownPrediction:
-    """A prediction to show."""
-
-    t_us: int
-    path: Array
-    """(N, 3)."""
-    bounce: Array | None
-    hit: HitPlane | None
-    prediction: Prediction
-
-    @property
-    def end_us(self) -> float:
-        """Predicted hit time; without one, the time of the prediction."""
-        return float(self.t_us) if self.hit is None else self.hit.t_s * 1e6
-
-    def sigmas(self) -> tuple[Array, Array]:
-        """(N, 3) points of the path and (N, 3) their standard deviations."""
-        t_s = self.prediction.curve_t_s
-        return self.prediction.positions(t_s[_even_rows(len(t_s), TUBE_POINTS)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -201,7 +159,7 @@ class RallyHistory:
             return self._steps.t_us[-1] if self._steps.t_us else 0
 
     def predicted_hits(self) -> list[tuple[int, HitPlane]]:
-        """Times and values of the predictions of the hitting plane."""
+        """Times and values of the predictions of where the ball is hit."""
         with self._lock:
             return list(self._hits.items)
 
@@ -228,7 +186,7 @@ class RallyHistory:
         }
         with self._lock:
             if chain.is_new and chain.prediction is not None:
-                self._expect(chain.prediction)
+                self._expect(state, chain.prediction)
             shown = self._before, self._after
             step = RallyStep(chain.t_us, chain.point, circles, *shown, state.decision, chain.seconds.total)
             self._steps.add(chain.t_us, step)
@@ -317,6 +275,9 @@ class RallyHistory:
             bounce_in_s=_still_to_come(_bounce_s(newest_expected), t_us),
             hit=None if hit is None else hit.p_world_m,
             hit_in_s=_still_to_come(None if hit is None else hit.t_s, t_us),
+            hit_places=places_of(newest_expected, possible=True),
+            refused_places=places_of(newest_expected, possible=False),
+            no_stroke=newest_expected.no_stroke if newest_expected else "",
             racket=racket,
             racket_target=Pose(sent.target.p_m, sent.target.q_wxyz) if sent else None,
             landing_target=sent.landing_m if sent else None,
@@ -324,22 +285,20 @@ class RallyHistory:
         )
         return RallyMoment(t_us, picture, step, sent, _speed_mps(points) if newest else None, outcomes)
 
-    def _expect(self, prediction: Prediction) -> None:
-        path = prediction.curve_ps_world_m
-        rows = _even_rows(len(path), PATH_POINTS)
-        bounce = prediction.bounces[0].p_world_m if prediction.bounces else None
-        if prediction.hit_plane is not None:
-            self._hits.add(prediction.t_us, (prediction.t_us, prediction.hit_plane))
-        expected = ShownPrediction(prediction.t_us, path[rows], bounce, prediction.hit_plane, prediction)
-        if prediction.stage == "pre":
+    def recorded_target(self, t_us: int) -> RacketDecision | None:
+        """Where a recording says that the racket was sent, at a time; None if it does not say."""
+        with self._lock:
+            return self._targets.last(t_us)
+
+    def _expect(self, state: PlayerState, predicted: Prediction) -> None:
+        recorded = self._targets.last(state.chain.t_us) if self._targets.items else None
+        expected = shown_prediction(predicted, recorded or state.decision, state.choice)
+        if expected.hit is not None:
+            self._hits.add(expected.t_us, (expected.t_us, expected.hit))
+        if predicted.stage == "pre":
             self._before, self._after = expected, None
         else:
             self._after = expected
-
-
-def _even_rows(length: int, most: int) -> NDArray[np.int64]:
-    """Indices of at most this many evenly spread rows, both ends included."""
-    return np.unique(np.linspace(0, length - 1, most).astype(np.int64))
 
 
 def _one_flight(points: list[BallPoint]) -> list[BallPoint]:

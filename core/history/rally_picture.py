@@ -76,7 +76,13 @@ class RallyPicture:
     bounce_in_s: float | None = None
     """Until it bounces there; None if it is not expected to any more."""
     hit: Array | None = None
-    """Predicted position at the hitting plane."""
+    """Predicted position where the ball is to be hit: as chosen, or at the hitting plane."""
+    hit_places: Array = field(default_factory=lambda: np.empty((0, 3)))
+    """(N, 3) where else along the flight a stroke could return the ball."""
+    refused_places: Array = field(default_factory=lambda: np.empty((0, 3)))
+    """(M, 3) where none can."""
+    no_stroke: str = ""
+    """Why no stroke can return the ball, in words; empty if one can, or nobody knows."""
     hit_in_s: float | None = None
     people: People | None = None
     racket: Pose | None = None

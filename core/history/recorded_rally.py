@@ -16,7 +16,9 @@ from core.learning.config import RewardConfig
 from core.learning.task.reward import reward_weights, rewards_of
 from core.live.link import messages as m
 from core.physics.episode import Case
+from core.physics.rotation import normals_from_orientations
 from core.simulation.episodes.racket import RacketTarget
+from core.table import BALL_RADIUS_M
 from core.trajectory import Prediction
 from core.trajectory.prediction import Stage
 
@@ -123,7 +125,10 @@ def episode_rows(notice: m.OutcomeNotice, decision: RacketDecision | None, polic
 
 
 def read_targets(recording: HasRows) -> tuple[RacketDecision, ...]:
-    """Where the racket was sent, in order, without the state that led to it; nothing if the recording does not say."""
+    """Where the racket was sent, in order; nothing if the recording does not say.
+
+    Of the ball's state that led to it the place is known, from where the face was to be; its velocity is NaN.
+    """
     rows = recording.read_rows(TARGETS)
     if rows is None:
         return ()
@@ -132,13 +137,18 @@ def read_targets(recording: HasRows) -> tuple[RacketDecision, ...]:
         RacketDecision(
             t_us=int(t),
             stage=_stage(stage),
-            state=np.full(6, np.nan),
+            state=np.concatenate([met_ball(p, q), np.full(3, np.nan)]),
             goal_m=goal,
             target=RacketTarget(p, q, v, int(t_hit) * 1e-6),
             action=action,
         )
         for t, stage, t_hit, p, q, v, action, goal in zip(*(rows[name] for name in names), strict=True)
     )
+
+
+def met_ball(face_m: Array, q_wxyz: Array) -> Array:
+    """(3,) centre of the ball that touches the middle of a face; inverse of `target_for_ball`."""
+    return face_m + BALL_RADIUS_M * normals_from_orientations(q_wxyz)
 
 
 def _stage(value: object) -> Stage:

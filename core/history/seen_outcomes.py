@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from core.chain.chain import ChainState
+from core.chain.control.controller import RacketDecision
 from core.history.rally_history import Outcome, RallyHistory
 from core.history.rally_picture import LandingSpot
 from core.metrics.score import binomial_interval
@@ -47,15 +48,15 @@ class SeenOutcomes:
     def __init__(self, history: RallyHistory) -> None:
         self._history = history
         self._session = 0
-        self._steps: queue.Queue[tuple[int, ChainState] | None] = queue.Queue(MAX_WAITING)
+        self._steps: queue.Queue[tuple[int, ChainState, RacketDecision | None] | None] = queue.Queue(MAX_WAITING)
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="seen-outcomes", daemon=True)
         self._thread.start()
 
-    def add_step(self, state: ChainState) -> None:
-        """The next step of the chain; returns at once."""
+    def add_step(self, state: ChainState, decision: RacketDecision | None = None) -> None:
+        """The next step of the chain, and where the racket is sent to meet the ball; returns at once."""
         try:
-            self._steps.put_nowait((self._session, state))
+            self._steps.put_nowait((self._session, state, decision))
         except queue.Full:
             logger.debug("a step was not judged")
 
@@ -79,7 +80,7 @@ class SeenOutcomes:
             if item[0] != session:
                 session = item[0]
                 judge.reset()
-            note_stroke(self._history, judge.step(item[1]))
+            note_stroke(self._history, judge.step(*item[1:]))
 
 
 @dataclass(frozen=True, slots=True)

@@ -113,7 +113,7 @@ def turned(points: BallPoints, config: OutcomeClassifierConfig) -> float | None:
 
 
 def went_past(points: BallPoints, config: OutcomeClassifierConfig, hit_x_m: float) -> bool:
-    """Whether the newest points are well behind the hitting plane."""
+    """Whether the newest points are well behind where the ball was to be hit."""
     x = points.ps_m[-PAST_POINTS:, 0]
     return len(x) == PAST_POINTS and bool((x < hit_x_m - config.behind_m).all())
 

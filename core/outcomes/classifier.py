@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.chain.chain import ChainState
+from core.chain.control.controller import RacketDecision
 from core.outcomes.ball_log import (
     BallLog,
     BallPoints,
@@ -392,6 +393,7 @@ class OutcomeClassifier:
         self._turn_s: float | None = None
         self._again_us = 0
         self._expected_us: float | None = None
+        self._met_x_m = self._hit_x_m
         self._new_flight = 0
 
     @property
@@ -399,9 +401,13 @@ class OutcomeClassifier:
         """Whether the ball was seen at all."""
         return len(self._log) > 0
 
-    def step(self, state: ChainState) -> ClassifiedStroke | None:
-        """Final classification of a ball, once, at the step that decides it; else None."""
-        if state.prediction is not None and state.prediction.hit_plane is not None:
+    def step(self, state: ChainState, decision: RacketDecision | None = None) -> ClassifiedStroke | None:
+        """Final classification of a ball, once, at the step that decides it; else None. `decision`: where the racket is
+        sent to meet the ball; None: at the hitting plane.
+        """
+        if decision is not None and np.isfinite(decision.state[0]):
+            self._expected_us, self._met_x_m = 1e6 * decision.target.t_s, float(decision.state[0])
+        elif state.prediction is not None and state.prediction.hit_plane is not None:
             self._expected_us = 1e6 * state.prediction.hit_plane.t_s
         point, verdict = state.point, state.verdict
         if point is None:
@@ -474,10 +480,10 @@ class OutcomeClassifier:
         return found
 
     def _missed(self, points: BallPoints, now_us: int) -> ClassifiedStroke | None:
-        if went_past(points, self.config, self._hit_x_m):
-            # A stroke shows within some points; one that was behind the plane is over.
+        if went_past(points, self.config, self._met_x_m):
+            # A stroke shows within some points; one that was behind the racket is over.
             return missed_stroke(now_us, SEEN_PAST)
-        stopped = stopped_at(points, self.config, self._hit_x_m)
+        stopped = stopped_at(points, self.config, self._met_x_m)
         if stopped is not None:
             return stopped_stroke(now_us, stopped, FELL_DOWN)
         last_us = self._log.last_us or now_us

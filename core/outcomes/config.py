@@ -18,7 +18,7 @@ class OutcomeClassifierConfig:
     reach_x_m: float = setting(-0.8, -1.37, 0.0)
     """The racket hits balls only on the robot's side of this plane (choice); balls that turn elsewhere hit the net."""
     behind_m: float = setting(0.25, 0.02, 2.0)
-    """A ball this far behind the hitting plane was missed (choice; longer than a stroke's follow-through)."""
+    """A ball this far behind where it was to be hit was missed (choice; longer than a stroke's follow-through)."""
     slowest_return_mps: float = setting(0.4, 0.05, 5.0)
     """Slowest speed along x of a struck ball (choice)."""
     guard_ms: float = setting(3.5, 0.0, 30.0)

@@ -140,22 +140,18 @@ def _way_fault(goal: FaceMotion, lead_us: int, now: FaceMotion, limits: RobotLim
 
 
 def reach_of(limits: RobotLimits) -> RacketReach:
-    """The limits as the choice of the hit takes them. The box bounds the place; the middle of it stands for the home.
-
-    A stroke needs room to brake: the box is taken shorter along x by what that takes from a third of the top speed.
-    """
-    low, high = np.array(limits.low_m), np.array(limits.high_m)
-    x, y, z = ((low + high) / 2).tolist()
-    brake_m = (limits.max_speed_mps / 3) ** 2 / (2 * limits.max_acceleration_mps2)
-    margin_m = min(brake_m, float(high[0] - low[0]) / 4)
-    (low_x, low_y, low_z), (high_x, high_y, high_z) = low.tolist(), high.tolist()
+    """The limits as the choice of the hit takes them; the box bounds the place, and its middle stands for the home."""
+    (low_x, low_y, low_z), (high_x, high_y, high_z) = limits.low_m, limits.high_m
+    normal_x, normal_y, normal_z = limits.normal
     return RacketReach(
-        home_m=(x, y, z),
+        home_m=((low_x + high_x) / 2, (low_y + high_y) / 2, (low_z + high_z) / 2),
         reach_m=math.inf,
-        low_m=(low_x + margin_m, low_y, low_z),
-        high_m=(high_x - margin_m, high_y, high_z),
+        low_m=(low_x, low_y, low_z),
+        high_m=(high_x, high_y, high_z),
         max_speed_mps=limits.max_speed_mps,
         max_acceleration_mps2=limits.max_acceleration_mps2,
+        normal=(normal_x, normal_y, normal_z),
+        max_tilt_rad=limits.max_tilt_rad,
     )
 
 

@@ -173,6 +173,7 @@ class _Actors:
         self._trail.show(picture.trail, picture.trail_speeds_mps)
         self._ball.show_rays(picture.rays)
         self._prediction.show(picture.before_bounce, picture.after_bounce, picture.bounce, picture.hit, plane=True)
+        self._prediction.show_places(picture.hit_places, picture.refused_places)
         self._people.show(picture.people)
         self._racket.show(picture.racket)
         self._racket_target.show(picture.racket_target)

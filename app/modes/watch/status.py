@@ -15,7 +15,8 @@ from app.modes.watch.stream_status import camera_rows
 from app.scene.prediction import CASE_NAMES, CASE_RGB
 from core.chain.calibration_drift import DriftReport
 from core.chain.control.controller import RacketDecision
-from core.history.rally_history import Outcome, RallyMoment, RallyStep, ShownPrediction
+from core.history.rally_history import Outcome, RallyMoment, RallyStep
+from core.history.shown_prediction import ShownPrediction
 from core.live.link.adaptive_rate import pace_words
 from core.live.link.messages import WorldState
 from core.live.live_snapshot import RallySnapshot
@@ -57,6 +58,7 @@ CHANGING = (
     "Placed by",
     "Hit predicted before the bounce",
     "Hit predicted after the bounce",
+    "Hit chosen",
 )
 """Rows that stay without a value: in every flight they come and go, and the others would move."""
 READ_US: Final = 1_000_000
@@ -92,6 +94,8 @@ def moment_html(
         ("Hit predicted before the bounce", _hit(step.before if step else None, moment.t_us)),
         ("Hit predicted after the bounce", _hit(step.after if step else None, moment.t_us)),
     ]
+    if robot:
+        rows.append(("Hit chosen", _chosen(step, moment.t_us)))
     if robot:
         rows += [
             ("Racket turned by", _action(sent, action_limit_deg)),
@@ -204,6 +208,21 @@ def _hit(expected: ShownPrediction | None, t_us: int) -> str:
         return "-"
     _, y, z = hit.p_world_m
     return f"y {y:+.3f}, z {z:+.3f} m, {float(np.linalg.norm(hit.v_world_mps)):.2f} m/s"
+
+
+def _chosen(step: RallyStep | None, t_us: int) -> str:
+    """The place where the ball is to be hit, of how many that were possible, or why there is none."""
+    expected = None if step is None else step.after or step.before
+    if expected is None or t_us > expected.end_us + READ_US:
+        return "-"
+    if expected.no_stroke:
+        return coloured(theme.WARN, html_text(expected.no_stroke))
+    choice, hit = expected.choice, expected.hit
+    if choice is None or choice.chosen is None or hit is None:
+        return "-"
+    possible = sum(not one.why_not for one in choice.candidates)
+    chance = muted(f"chance {percent(choice.chosen.chance)}, {possible} of {len(choice.candidates)} places possible")
+    return f"x {hit.p_world_m[0]:.2f}, z {hit.p_world_m[2]:+.2f} m, {chance}"
 
 
 def _action(sent: RacketDecision | None, limit_deg: float) -> str:

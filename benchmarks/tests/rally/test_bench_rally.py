@@ -1,10 +1,19 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from benchmarks.rally.bench_rally import Watched, chain_named, measure_rally, run
+from benchmarks.rally.bench_rally import Watched, cause_of_loss, chain_named, measure_rally, run
+from benchmarks.rally.closed_loop import PlayedBall
 from core.cameras.presets import SENSOR_720
 from core.chain.config import ChainConfig
+from core.chain.control.controller import RacketDecision
+from core.chain.control.hit_choice import HitChoice
+from core.live.worlds.world import ClassifiedBall
+from core.physics.episode import Case
 from core.recordings import BallTruth
+from core.simulation.episodes.ball_outcome import BallOutcome, RallyEvent
+from core.simulation.episodes.racket import RacketTarget
 from core.trajectory import PaperPredictorConfig
 
 
@@ -61,3 +70,41 @@ def test_balls_that_are_told_at_the_launch_come_back_in_real_physics_and_have_a_
     assert sum(row[name] for name in ("own_half", "net", "out", "missed")) == 0
     text = page.read_text()
     assert "physics `real`" in text and "## `known`" in text and "| 5 | 4 | 100 (51-100) |" in text
+
+
+def test_other_seeds_and_steeper_serves_are_other_balls_and_lost_ones_have_a_cause() -> None:
+    rows = [
+        run(
+            lambda share: None, chain="points", balls=2, speeds=(3.0,), unknown=True, seed=seed, elevation_spread=spread
+        )
+        for seed, spread in ((1, 0.0), (1, 8.0), (3, 8.0))
+    ]
+    first, steeper, other = (found["rows"][0] for found in rows)  # type: ignore[index]
+    assert len({row["points"] for row in (first, steeper, other)}) == 3, "each is another flight"
+    for row in (first, steeper, other):
+        assert sum(row["lost"].values()) == round(2 * (1 - row["returned"]))
+
+
+def test_a_ball_is_lost_for_what_was_chosen_before_what_was_seen() -> None:
+    nobody = HitChoice(0, None, (), "below the table's top")
+    ball = PlayedBall(3.0, judged(Case.MISSED), (), float("nan"), nobody)
+    assert cause_of_loss(ball) == "no stroke: below the table's top"
+    assert cause_of_loss(replace(ball, choice=None)) == "no command"
+    decided = replace(ball, choice=None, decisions=(decision(z_m=-0.02),), aim_error_m=0.003)
+    assert cause_of_loss(decided) == "hit below the table's top"
+    assert cause_of_loss(replace(decided, aim_error_m=0.05)) == "predicted wrong"
+    assert cause_of_loss(replace(decided, decisions=(decision(z_m=0.2),))) == "missed, hit at x = -1.42 m, z = 0.20 m"
+
+
+def decision(*, z_m: float) -> RacketDecision:
+    at = np.array([-1.42, 0.0, z_m])
+    target = RacketTarget(at, np.array([1.0, 0, 0, 0]), np.zeros(3), 1.0)
+    return RacketDecision(stage="post", state=np.r_[at, np.zeros(3)], goal_m=at[:2], target=target, action=np.zeros(3))
+
+
+def judged(case: Case) -> ClassifiedBall:
+    nowhere = np.full(6, np.nan)
+    serve = RallyEvent("serve", 0.0, np.zeros(9), np.zeros(9))
+    return ClassifiedBall(
+        BallOutcome(case, 1.0, np.full(3, np.nan), np.full(3, np.nan), np.nan), serve, nowhere, np.full(4, np.nan)
+    )

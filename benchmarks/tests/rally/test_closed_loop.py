@@ -1,8 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from benchmarks.rally.closed_loop import ClosedLoop, PlayedBall
 from core.cameras import stereo_preset
+from core.chain.config import ChainConfig, chain_predictor
 from core.live.worlds.world import WorldConfig
 from core.physics.episode import Case, Serves
 from core.physics.task import task_profile
@@ -71,3 +74,32 @@ def test_a_recorded_ball_with_spin_comes_back_in_the_fitted_physics() -> None:
     np.testing.assert_allclose(ball.judged.serve.state, topspin.states()[0])
     assert ball.returned and ball.stage == "post"
     assert ball.aim_error_m < 0.03
+
+
+def test_points_alone_play_the_chosen_hit_and_a_ball_met_elsewhere_is_measured_there() -> None:
+    """No cameras: the ball's true place with noise. At 3 m/s the plane is too low for most balls."""
+    loop = ClosedLoop(
+        WorldConfig(task=task_profile("real")), stereo_preset(), seed=7, hit="chosen", point_sigma_m=0.0008
+    )
+    try:
+        balls = [loop.play(3.0) for _ in range(2)]
+    finally:
+        loop.close()
+    assert all(ball.returned for ball in balls)
+    for ball in balls:
+        assert ball.choice is not None and ball.choice.chosen is not None
+        met = ball.decisions[-1].state[:3]
+        assert ball.aim_error_m < 0.02, "measured where it was met"
+        assert np.linalg.norm(ball.judged.arrival[:3] - met) < 0.05
+    assert any(abs(ball.decisions[-1].state[0] + 1.42) > 0.05 for ball in balls)
+
+
+def test_a_ball_that_is_hit_behind_the_plane_arrives_where_it_is_hit() -> None:
+    chain = ChainConfig(predictor=replace(chain_predictor(), hit_x_m=-1.6))
+    loop = ClosedLoop(WorldConfig(), stereo_preset(), seed=7, chain=chain, point_sigma_m=0.0008)
+    try:
+        ball = loop.play(5.0)
+    finally:
+        loop.close()
+    assert ball.returned and abs(ball.judged.arrival[0] + 1.6) < 0.02
+    assert ball.aim_error_m < 0.02

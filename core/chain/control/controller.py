@@ -297,7 +297,7 @@ class StrokeSearch:
         chance, sigma_m = return_chance(problem, x, reached, spread, controller.task.physics.racket_radius_m)
         tilt, turn, speed = x.tolist()
         normal = np.array([math.cos(turn) * math.cos(tilt), math.sin(turn), -math.cos(turn) * math.sin(tilt)])
-        return Stroke(hit.p_world_m - BALL_RADIUS_M * normal, np.array([speed, 0.0, 0.0]), chance, sigma_m)
+        return Stroke(hit.p_world_m - BALL_RADIUS_M * normal, np.array([speed, 0.0, 0.0]), chance, sigma_m, normal)
 
 
 def _first_speed(ball: Array) -> float:

@@ -13,13 +13,12 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from core.config import check_settings, setting
 from core.simulation.episodes.racket import RacketConfig
 from core.table import BALL_RADIUS_M, TABLE_LENGTH_M, TABLE_WIDTH_M
-from core.trajectory import Prediction
-from core.trajectory.prediction import HitPlane
+from core.trajectory.prediction import HitPlane, Stage, TablePoint
 
 Array = NDArray[np.float64]
 PAPER_X_M: Final = -1.42
@@ -34,10 +33,13 @@ BELOW: Final = "below the table's top"
 TOO_LOW: Final = "too low: the face would touch the table"
 NO_STROKE: Final = "no stroke brings it over the net and onto the table"
 OUT_OF_REACH: Final = "out of the racket's reach"
+WAY_OUT: Final = "the way there leaves the robot's box"
+TILTED: Final = "the face would be tilted more than the robot allows"
 TOO_SLOW: Final = "the racket is too slow for the way there"
 NO_TIME: Final = "the racket cannot be there in time"
+ROUNDING_M: Final = 1e-9
 REASONS: Final = (
-    NOT_YET, NO_BOUNCE, TOO_SOON, TWICE, BELOW, TOO_LOW, NO_STROKE, OUT_OF_REACH, NO_TIME, TOO_SLOW,
+    NOT_YET, NO_BOUNCE, TOO_SOON, TWICE, BELOW, TOO_LOW, NO_STROKE, OUT_OF_REACH, TILTED, WAY_OUT, NO_TIME, TOO_SLOW,
 )  # fmt: skip
 """Why a ball cannot be hit somewhere, from what nothing can change to what nearly was a stroke."""
 
@@ -98,6 +100,9 @@ class RacketReach:
     """Corners of a box that it never leaves; infinite where there is none."""
     max_speed_mps: float
     max_acceleration_mps2: float
+    normal: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    """From it the face's normal is turned away by no more than ..."""
+    max_tilt_rad: float = math.pi
 
     @staticmethod
     def of_config(racket: RacketConfig) -> RacketReach:
@@ -142,6 +147,31 @@ class Stroke(NamedTuple):
     """Probability that the ball comes back."""
     landing_sigma_m: float
     """Standard deviation of where it lands."""
+    normal: Array
+    """(3,) of the face."""
+
+
+class FlightAhead(Protocol):
+    """A ball's flight as the choice asks for it: a prediction, or a flight that is known."""
+
+    @property
+    def t_us(self) -> int:
+        """Time of the newest observation."""
+        ...
+
+    @property
+    def stage(self) -> Stage:
+        """Which side of the bounce that is on."""
+        ...
+
+    @property
+    def bounces(self) -> Sequence[TablePoint]:
+        """Bounces on the table after it."""
+        ...
+
+    def crossings(self, xs_m: ArrayLike) -> Sequence[HitPlane | None]:
+        """The ball at planes (K,) of descending x; None where it never is."""
+        ...
 
 
 class StrokeModel(Protocol):
@@ -177,9 +207,31 @@ class HitChoice:
     why_not: str
     """Why no stroke returns the ball; empty if one does."""
 
+    @property
+    def explanation(self) -> str:
+        """In words, why no stroke returns the ball, and where one nearly could; empty if one does."""
+        if not self.why_not:
+            return ""
+        near = [one for one in self.candidates if one.why_not == self.why_not]
+        if not near:
+            return cannot_be_returned(self.why_not, None)
+        return cannot_be_returned(self.why_not, min(near, key=lambda one: abs(one.hit.p_world_m[0] - PAPER_X_M)).hit)
+
+
+def plane_explanation(hit: HitPlane, config: HitChoiceConfig | None = None) -> str:
+    """In words, why a ball that is hit at the plane only cannot be returned; empty if it is high enough there."""
+    why_not = _too_low(hit, config or HitChoiceConfig())
+    return cannot_be_returned(why_not, hit) if why_not else ""
+
+
+def cannot_be_returned(why_not: str, hit: HitPlane | None) -> str:
+    """The sentence for a reason, at a place if there is one."""
+    where = "" if hit is None else f" at x = {hit.p_world_m[0]:.2f} m, z = {hit.p_world_m[2]:.2f} m"
+    return f"Ball cannot be returned: {why_not}{where}"
+
 
 def choose_hit(
-    prediction: Prediction,
+    prediction: FlightAhead,
     model: StrokeModel,
     racket: FaceTrajectory,
     reach: RacketReach,
@@ -220,7 +272,7 @@ def choose_hit(
 
 def _judge(
     hit: HitPlane,
-    prediction: Prediction,
+    prediction: FlightAhead,
     bounced_s: float | None,
     model: StrokeModel,
     racket: FaceTrajectory | None,
@@ -243,14 +295,14 @@ def _judge(
     return HitCandidate(hit, stroke.chance, stroke.landing_sigma_m, "")
 
 
-def _since_bounce_s(hit: HitPlane, prediction: Prediction, bounced_s: float | None) -> float:
+def _since_bounce_s(hit: HitPlane, prediction: FlightAhead, bounced_s: float | None) -> float:
     """Time from the bounce on the robot's half to the hit; -infinity if there is none, nan where it is not known."""
     if prediction.stage == "post":
         return math.nan if bounced_s is None else hit.t_s - bounced_s
     return hit.t_s - prediction.bounces[0].t_s if prediction.bounces else -math.inf
 
 
-def _against_the_rules(hit: HitPlane, prediction: Prediction, since_s: float, config: HitChoiceConfig) -> str:
+def _against_the_rules(hit: HitPlane, prediction: FlightAhead, since_s: float, config: HitChoiceConfig) -> str:
     if prediction.stage == "pre":
         if since_s == -math.inf:
             return NO_BOUNCE
@@ -272,10 +324,17 @@ def _too_low(hit: HitPlane, config: HitChoiceConfig) -> str:
 
 
 def _out_of_reach(stroke: Stroke, t_s: float, racket: FaceTrajectory | None, reach: RacketReach) -> str:
-    face = stroke.face_m
-    outside = (face < np.array(reach.low_m)).any() or (face > np.array(reach.high_m)).any()
+    face, speed_mps = stroke.face_m, float(np.linalg.norm(stroke.v_mps))
+    if speed_mps > reach.max_speed_mps:
+        return TOO_SLOW
+    low, high = np.array(reach.low_m), np.array(reach.high_m)
+    # After the stroke it has to stop inside of its box too; a target that it cannot stop behind is refused.
+    braked = face + stroke.v_mps * (speed_mps / (2 * reach.max_acceleration_mps2))
+    outside = (np.minimum(face, braked) < low).any() or (np.maximum(face, braked) > high).any()
     if outside or float(np.linalg.norm(face - np.array(reach.home_m))) > reach.reach_m:
         return OUT_OF_REACH
+    if math.acos(max(-1.0, min(1.0, float(stroke.normal @ np.array(reach.normal))))) > reach.max_tilt_rad:
+        return TILTED
     if racket is None:
         return ""
     left_s = t_s - racket.t_s
@@ -287,7 +346,12 @@ def _out_of_reach(stroke: Stroke, t_s: float, racket: FaceTrajectory | None, rea
     slope = (end - start) / left_s
     shares = np.linspace(0.0, left_s, 9)[:, None]
     fastest = float(np.linalg.norm(racket.v_mps + start * shares + slope * shares**2 / 2, axis=1).max())
-    return TOO_SLOW if fastest > reach.max_speed_mps else ""
+    if fastest > reach.max_speed_mps:
+        return TOO_SLOW
+    way = racket.p_m + racket.v_mps * shares + start * shares**2 / 2 + slope * shares**3 / 6
+    # A racket outside of its box may come back into it.
+    low, high = np.minimum(low, racket.p_m) - ROUNDING_M, np.maximum(high, racket.p_m) + ROUNDING_M
+    return WAY_OUT if ((way < low) | (way > high)).any() else ""
 
 
 def expected_covariance(hit: HitPlane, since_s: float, config: HitChoiceConfig) -> Array:

@@ -200,7 +200,7 @@ class ClassifiedBall:
     outcome: BallOutcome
     serve: RallyEvent
     arrival: Array
-    """(6,) position and velocity at the hitting plane or the racket, NaN if it met neither."""
+    """(6,) position and velocity at the racket, or without a hit at the hitting plane; NaN if it came to neither."""
     q_wxyz: Array
     """(4,) of the racket at the hit, NaN without one."""
 
@@ -437,10 +437,11 @@ class SimulatedWorld:
     def _note_contact(self, event: RallyEvent) -> None:
         if event.kind in ("bounce", "hit"):
             self._contacts.append(RacketContact(event, self.rally.racket.q_wxyz.copy()))
-        if event.kind in ("hit", "hit_plane") and np.isnan(self._arrival[0]):
+        if event.kind == "hit_plane" and np.isnan(self._arrival[0]):
             self._arrival = event.touched[:6].copy()
         if event.kind == "hit" and not self.struck:
             self.struck = True
+            self._arrival = event.touched[:6].copy()  # a ball that is met behind the plane has passed it before
             self._q_hit = self.rally.racket.q_wxyz.copy()
 
     def _judged(self, happened: Sequence[RallyEvent]) -> list[ClassifiedBall]:

@@ -77,3 +77,8 @@ def test_a_plain_cluster_beyond_this_machine_is_refused_in_one_line(capsys) -> N
     assert error.count("\n") == 1 and "needs certificates" in error and "tls://" in error
     assert main(["bench", "learning", "--cluster", "tcp://127.0.0.1:8786", "--jobs", "2"]) == 2
     assert "not both" in capsys.readouterr().err
+
+
+def test_a_flag_that_was_not_given_is_asked_of_no_bench() -> None:
+    module, options = bench.requested_bench(arguments(json=False))
+    assert module.__module__.endswith("bench_detection") and options == {}

@@ -6,6 +6,7 @@ import numpy as np
 
 from app.startup.example_rally import (
     AFTER_S,
+    LEFT_OUT,
     SPEED,
     STRIDE_US,
     ExampleRally,
@@ -39,7 +40,7 @@ def test_every_field_of_a_picture_is_read_back() -> None:
     )  # fmt: skip
     empty = RallyPicture()
     read = unpack_pictures(pack_pictures([full, empty, full]))
-    for name in (one.name for one in dataclasses.fields(RallyPicture)):
+    for name in {one.name for one in dataclasses.fields(RallyPicture)} - {*LEFT_OUT}:
         assert flat(getattr(read[0], name)) == flat(getattr(read[2], name)), name
         assert np.allclose(flat(getattr(read[0], name)) or (), flat(getattr(full, name)) or (), atol=1e-4), name
         assert flat(getattr(read[1], name)) == flat(getattr(empty, name)), name

@@ -3,8 +3,8 @@ from types import SimpleNamespace
 import numpy as np
 
 from app.scene.prediction import CORNERS, RINGS, SIGMAS, ellipse, tube_faces, tube_vertices
-from core.history.rally_history import spreads_of
 from core.history.rally_picture import UncertaintyEllipse
+from core.history.shown_prediction import spreads_of
 
 
 def test_the_tube_is_as_wide_as_the_standard_deviations_across_the_path() -> None:

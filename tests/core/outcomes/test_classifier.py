@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -216,3 +218,16 @@ def test_nothing_seen_is_nothing_said() -> None:
     umpire = OutcomeClassifier()
     umpire.begin()
     assert umpire.look(5_000_000) is None and umpire.newest is None and umpire.serve is None
+
+
+def test_a_ball_that_is_met_behind_the_plane_is_not_missed_before_it_is_hit() -> None:
+    t_s, ps_m = returned_track(velocity_to(np.array([1.1, -0.1, BALL_RADIUS_M]), 0.5), 0.5, "bounce")
+    ps_m[:, 0] -= 0.4
+    at_plane, behind = OutcomeClassifier(), OutcomeClassifier()
+    for umpire in (at_plane, behind):
+        umpire.begin()
+    target = SimpleNamespace(t_s=HIT_S)
+    nothing = SimpleNamespace(prediction=None, point=None, verdict=None, t_us=0)
+    behind.step(nothing, SimpleNamespace(state=np.array([-1.82, 0, 0, 0, 0, 0]), target=target))  # type: ignore[arg-type]
+    assert [one.case for one in feed(at_plane, t_s, ps_m)][:1] == [Case.MISSED]
+    assert [one.case for one in feed(behind, t_s, ps_m)][:1] == [Case.RETURNED]

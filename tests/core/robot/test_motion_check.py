@@ -10,10 +10,23 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from core.chain.control.controller import BuiltInController
+from core.chain.control.hit_choice import (
+    NO_TIME,
+    OUT_OF_REACH,
+    TILTED,
+    TOO_SLOW,
+    WAY_OUT,
+    FaceTrajectory,
+    HitChoiceConfig,
+    choose_hit,
+)
 from core.errors import LinkError
 from core.live.link.fields import read_fields, write_fields
-from core.robot.motion_check import FaceMotion, face_normal, find_fault, turned_by
+from core.live.worlds.simulated_returns import KnownFlight
+from core.robot.motion_check import FaceMotion, face_normal, find_fault, reach_of, turned_by
 from core.robot.robot_messages import RobotLimits
+from core.trajectory.prediction import HitPlane
 from tests.core.robot.limits import LIMITS
 
 REST = FaceMotion.of((-1.6, 0.0, 0.25), (1, 0, 0, 0), (0, 0, 0))
@@ -122,3 +135,32 @@ def test_limits_that_are_none_are_refused(change) -> None:
     values = write_fields(LIMITS) | {name: list(v) if isinstance(v, tuple) else v for name, v in change.items()}
     with pytest.raises(LinkError):
         read_fields(RobotLimits, values, "limits")
+
+
+@pytest.mark.parametrize("box", [{}, {"low_m": (-1.75, -0.6, 0.05), "high_m": (-1.1, 0.6, 0.7)}])
+@pytest.mark.parametrize("tilt_deg", [60.0, 4.0])
+def test_a_hit_that_is_chosen_within_the_limits_passes_the_check(box, tilt_deg: float) -> None:
+    limits = dataclasses.replace(LIMITS, max_tilt_rad=math.radians(tilt_deg), **box)
+    reach, controller, passed = reach_of(limits), BuiltInController(), 0
+    for x_m in np.arange(-1.9, -0.9, 0.05):
+        hit = hit_at((float(x_m), 0.1, 0.25))
+        found = choose_hit(KnownFlight(0, "post", (), (hit,)), controller.strokes(), STILL, reach, HitChoiceConfig())
+        if found.chosen is None:
+            assert found.why_not in (OUT_OF_REACH, TILTED, WAY_OUT, NO_TIME, TOO_SLOW), found.why_not
+            continue
+        decision = controller.decide(hit.t_s, hit.p_world_m, hit.v_world_mps, stage="post", spin_radps=hit.spin_radps)
+        assert decision is not None
+        goal = FaceMotion.of(decision.target.p_m, decision.target.q_wxyz, decision.target.v_mps)
+        fault = find_fault(goal, None, round(1e6 * hit.t_s), REST, limits)
+        assert fault is None, (x_m, fault)
+        passed += 1
+    assert passed == 0 if tilt_deg < 5 else passed >= 3
+
+
+STILL = FaceTrajectory(0.0, REST.p_m, np.zeros(3))
+
+
+def hit_at(p_m: tuple[float, float, float]) -> HitPlane:
+    """A ball at half a second, exactly known."""
+    exact, v = np.zeros(3), np.array([-4.0, 0.0, -0.5])
+    return HitPlane(0.5, 0.0, np.array(p_m), exact, v, exact, np.zeros((6, 6)), "post", np.zeros(3), exact)

@@ -13,8 +13,9 @@ from app.modes.watch.status import drift_row, live_html, moment_html
 from core.cameras.stereo import EpipolarDrift
 from core.chain.calibration_drift import DriftReport
 from core.history.missed_balls import MissedBall
-from core.history.rally_history import Outcome, RallyHistory, RallyMoment, RallyStep, ShownPrediction
+from core.history.rally_history import Outcome, RallyHistory, RallyMoment, RallyStep
 from core.history.rally_picture import LandingSpot
+from core.history.shown_prediction import ShownPrediction
 from core.live.link.messages import WorldState
 from core.physics.episode import Case
 from core.trajectory.filter_config import FilterConfig
@@ -167,3 +168,20 @@ def test_sightings_of_different_things_are_not_judged() -> None:
     said = drift_row(DriftReport(400, 200))[1]
     assert "unknown: the cameras" in said and "calibrate again" not in said
     assert "calibrate again" in drift_row(DriftReport(400, 200, alarm=True))[1]
+
+
+def test_the_chosen_hit_has_its_chance_and_an_impossible_one_its_reason() -> None:
+    hit = SimpleNamespace(p_world_m=np.array([-1.24, 0.0, 0.25]), v_world_mps=np.array([-5.0, 0, 0]), t_s=0.4)
+    chosen, low = SimpleNamespace(chance=0.98, why_not=""), SimpleNamespace(chance=0.0, why_not="too low")
+    choice = SimpleNamespace(chosen=chosen, candidates=(chosen, low, low))
+    expected = ShownPrediction(300_000, np.empty((0, 3)), None, hit, SimpleNamespace(stage="post"), choice)
+    picture = RallyHistory().at(0, {}).picture
+
+    def said(shown: ShownPrediction, *, robot: bool = True) -> str:
+        step = RallyStep(300_000, None, {}, None, shown, None, 0.0)
+        return moment_html(RallyMoment(300_000, picture, step, None, None, ()), 15.0, 1.0, robot=robot)
+
+    assert "x -1.24, z +0.25 m" in said(expected) and "98 %" in said(expected) and "1 of 3 places" in said(expected)
+    refused = said(replace(expected, no_stroke="Ball cannot be returned: below the table's top"))
+    assert theme.WARN in refused and "below the table" in refused and "places possible" not in refused
+    assert "Hit chosen" not in said(expected, robot=False)

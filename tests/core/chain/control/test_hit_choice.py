@@ -7,10 +7,12 @@ from core.chain.control import hit_choice
 from core.chain.control.controller import BuiltInController
 from core.chain.control.hit_choice import (
     FaceTrajectory,
+    HitChoice,
     HitChoiceConfig,
     RacketReach,
     choose_hit,
     expected_covariance,
+    plane_explanation,
 )
 from core.simulation.episodes.racket import RacketConfig
 from core.table import BALL_RADIUS_M, GRAVITY_MPS2
@@ -140,3 +142,17 @@ def test_the_racket_on_its_way_is_where_the_cubic_is() -> None:
 def test_the_papers_plane_is_among_the_candidates() -> None:
     assert hit_choice.PAPER_X_M in CONFIG.xs_m and (np.diff(CONFIG.xs_m) < 0).all()
     assert CONFIG.xs_m[0] > -1.37 > CONFIG.xs_m[-1]
+
+
+def test_why_no_stroke_returns_a_ball_is_said_in_words_with_the_place() -> None:
+    assert choose(predicted(LOW_BALL)).explanation == ""
+    nothing = choose(predicted(LOW_BALL), reach=replace(REACH, low_m=(-3.0, 0.4, -1.0)))
+    assert nothing.chosen is None
+    assert nothing.explanation.startswith("Ball cannot be returned: out of the racket's reach at x = -1.")
+    assert HitChoice(0, None, (), "the ball does not come").explanation == (
+        "Ball cannot be returned: the ball does not come"
+    )
+    low, high = (predicted(ball).crossings([hit_choice.PAPER_X_M])[0] for ball in (LOW_BALL, HIGH_BALL))
+    assert low is not None and high is not None
+    assert plane_explanation(low).startswith("Ball cannot be returned: below the table's top at x = -1.42 m, z = ")
+    assert plane_explanation(high) == ""
