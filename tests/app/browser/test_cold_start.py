@@ -4,6 +4,7 @@ Verbs that follow on that machine find what the app has compiled, and compile wh
 are the first, and compile everything.
 """
 
+import contextlib
 import json
 import os
 import re
@@ -15,6 +16,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 import zmq
 
@@ -26,31 +28,39 @@ COLD_S = 1000
 """For all that is compiled: an upper end, should something hang. Nothing in the product gives up after a time."""
 SIMULATION = "core.simulation.event_cameras"
 """Where the kernels of the simulated cameras come from, among the largest."""
+WORK_S = 1
+"""Processor time that shows that a process is at work: a kernel may take longer to compile than a test's patience."""
 
 
-def wait_while_it_compiles(until: Callable[[], object], cache: Path, what: str, seen: Callable[[], object]) -> None:
-    """Return once a condition holds; every kernel that is stored meanwhile is worth the patience of a test."""
-
-    def kernels() -> int:
-        return sum(1 for _ in cache.rglob("*.nbc"))
-
+def wait_while_it_compiles(
+    until: Callable[[], object], process: subprocess.Popen, what: str, seen: Callable[[], object]
+) -> None:
+    """Return once a condition holds; all work of the process meanwhile is worth the patience of a test."""
     done = False
     while not done:
-        before = kernels()
+        before_s = worked_s(process)
 
-        def gets_on(before: int = before) -> bool:
+        def gets_on(before_s: float = before_s) -> bool:
             nonlocal done
             done = bool(until())
-            return done or kernels() > before
+            return done or worked_s(process) - before_s > WORK_S
 
         eventually(gets_on, what, seen)
+
+
+def worked_s(process: subprocess.Popen) -> float:
+    """Processor time of a process; zero once it is over."""
+    with contextlib.suppress(psutil.NoSuchProcess):
+        times = psutil.Process(process.pid).cpu_times()
+        return times.user + times.system
+    return 0.0
 
 
 class Started:
     """`rallyscope serve` as `make run` starts it, but for the browser that it would open."""
 
     def __init__(self, folder: Path, cache: Path) -> None:
-        self._log, self._cache = folder / "log", cache
+        self._log = folder / "log"
         command = [*CLI, "serve", "--port", "0", "--data", str(folder / "data")]
         with self._log.open("w") as out:
             self.process = subprocess.Popen(command, stdout=out, stderr=subprocess.STDOUT, env=environment_of(cache))
@@ -61,12 +71,8 @@ class Started:
 
     def address(self) -> str:
         """Of the page, as soon as it is said."""
-
-        def address() -> re.Match[str] | None:
-            assert self.process.poll() is None, self.said
-            return re.search(r"http://\S+", self.said)
-
-        return eventually(address, "the address of the page", lambda: self.said).group()
+        self.wait(lambda: re.search(r"http://\S+", self.said) is not None, "the address of the page")
+        return re.findall(r"http://\S+", self.said)[0]
 
     def wait(self, until: Callable[[], bool], what: str) -> None:
         """For what comes when everything has been compiled."""
@@ -75,7 +81,7 @@ class Started:
             assert self.process.poll() is None, self.said
             return until()
 
-        wait_while_it_compiles(is_there, self._cache, what, lambda: self.said)
+        wait_while_it_compiles(is_there, self.process, what, lambda: self.said)
 
     def end(self) -> None:
         self.process.send_signal(signal.SIGTERM)
@@ -107,9 +113,8 @@ def test_the_first_start_shows_a_page_then_a_returned_ball(cold, chromium, tmp_p
     page = open_page(chromium)
     page.add_init_script(FEW_FRAMES)  # drawing has its turn, but compiling is what is waited for
     page.goto(cold.address())
-    page.get_by_text("Compiling the simulation").wait_for()
-    page.get_by_text("you see a recorded rally").wait_for()
-    page.get_by_text(re.compile(r"^\d+%$")).first.wait_for()
+    for words in ("Compiling the simulation", "you see a recorded rally", re.compile(r"^\d+%$")):
+        cold.wait(page.get_by_text(words).first.is_visible, str(words))
     save_screenshot(page, "cold-preparing")
     returned = page.get_by_text(re.compile(r"^[1-9]\d* of \d+$"))  # counted by controller and scene
     cold.wait(lambda: returned.count() > 0, "a ball to be returned")
@@ -130,14 +135,14 @@ def _differ(first: np.ndarray, second: np.ndarray) -> bool:
     return np.count_nonzero(np.abs(first.astype(int) - second).max(axis=-1) > 40) > 50
 
 
-def run(command: list[str], cache: Path, folder: Path) -> str:
-    """What a process says that works with a cache of compiled kernels that is not this user's."""
+def run(command: list[str], cache: Path, folder: Path, server: subprocess.Popen | None = None) -> str:
+    """What a process says, with a cache of compiled kernels of its own; the server is the one that it waits for."""
     said, complained = folder / "said", folder / "complained"
     with said.open("w") as out, complained.open("w") as err:
         process = subprocess.Popen(command, stdout=out, stderr=err, env=environment_of(cache))
     try:
         ended = lambda: process.poll() is not None  # noqa: E731
-        wait_while_it_compiles(ended, cache, f"the end of {command}", complained.read_text)
+        wait_while_it_compiles(ended, server or process, f"the end of {command}", complained.read_text)
     finally:
         process.kill()
     assert process.wait(PATIENCE_S) == 0, complained.read_text()
@@ -166,7 +171,7 @@ def test_a_client_of_a_server_that_compiles_gets_its_answer(cache, tmp_path) -> 
         "assert client.serve().ok; client.close(); print(len(shares), len(set(shares)), max(shares))"
     )
     try:
-        answer = run([sys.executable, "-c", asking, f"tcp://127.0.0.1:{port}"], cache, tmp_path)
+        answer = run([sys.executable, "-c", asking, f"tcp://127.0.0.1:{port}"], cache, tmp_path, server)
         answers, steps, share = answer.split()
         assert int(answers) > 5 and int(steps) > 2 and 0 < float(share) <= 1, "it hears how far the server is"
     finally:
