@@ -39,12 +39,15 @@ def warm_up(player: Player, cameras: Mapping[str, Camera], window_us: int) -> Pl
         state = player.step({name: _painted(camera, end_us, window_us, table) for name, camera in cameras.items()})
     player.reset()
     if player.hit == "chosen":
-        _load_strokes()
+        load_strokes()
     return state
 
 
-def _load_strokes() -> None:
-    """Load what the choice of the hit asks of a stroke: the painted ball may be too low for one everywhere."""
+def load_strokes() -> None:
+    """Load what the choice of the hit asks of a stroke: the painted ball may be too low for one everywhere.
+
+    Quick where it is loaded: a player that begins to choose later calls it too.
+    """
     sigmas = np.full(3, 1e-3)
     spread = 1e-6 * np.eye(6)
     p, v = np.array([-1.3, 0.0, 0.25]), np.array([-4.0, 0.0, 0.0])
