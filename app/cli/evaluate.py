@@ -13,6 +13,7 @@ from app.cli.arguments import PositiveInt, flag, positional, setting_flag
 from app.cli.episode_backends import open_backend
 from app.cli.progress import progress_bar
 from app.cli.terminal import format_table, say
+from core.chain.config import HIT_RULES, HitRule
 from core.errors import CommandError
 from core.learning.evaluation.reachable import reachable_words
 from core.learning.runs.run_files import read_run
@@ -38,6 +39,7 @@ class BallStatesArguments:
     ball_states: tuple[Path, ...] | None = flag("JSON of position, velocity and spin (no RUN then)", "FILE")
     sample: PositiveInt | None = flag("random sample of N balls per file instead of all", "N")
     told_after_ms: float = setting_flag(SimulatedReturnsConfig, "told_after_ms", "MS")
+    hit: HitRule = flag("where balls are met", "|".join(HIT_RULES), "paper", choices=HIT_RULES)
     physics: Profile = flag("how balls fly and bounce", default="real")
     report: Path | None = flag("write a page with a picture (matplotlib draws it)", "FILE.md")
 
@@ -47,7 +49,9 @@ def run_ball_states(arguments: BallStatesArguments, paths: tuple[Path, ...], *, 
     report = arguments.report
     if report is not None and (report.suffix != ".md" or not report.parent.is_dir()):
         raise CommandError("no such page", expected="FILE.md in a folder that exists", got=report, where="--report")
-    config = SimulatedReturnsConfig(task=task_profile(arguments.physics), told_after_ms=arguments.told_after_ms)
+    config = SimulatedReturnsConfig(
+        task=task_profile(arguments.physics), hit=arguments.hit, told_after_ms=arguments.told_after_ms
+    )
     read = [read_ball_states(path) for path in paths]
     if arguments.sample is not None:
         # Fixed: a sample of one size is the same balls every time.
@@ -79,6 +83,8 @@ def run_ball_states(arguments: BallStatesArguments, paths: tuple[Path, ...], *, 
 def _command(arguments: BallStatesArguments, paths: tuple[Path, ...]) -> str:
     """What was asked for, with the files' plain names."""
     words = ["rallyscope evaluate --ball-states", *(path.name for path in paths), f"--physics {arguments.physics}"]
+    if arguments.hit != "paper":
+        words.append(f"--hit {arguments.hit}")
     if arguments.told_after_ms:
         words.append(f"--told-after-ms {arguments.told_after_ms:g}")
     if arguments.sample is not None:

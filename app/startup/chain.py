@@ -43,7 +43,8 @@ def compile_chain(on_progress: Callable[[int, int], None]) -> None:
 
     threading.Thread(target=tell, daemon=True).start()
     cameras = stereo_preset()
-    player = Player(RallyChain(cameras, ChainConfig()), BuiltInController())
+    # The chosen hit takes all that the plane does, and more.
+    player = Player(RallyChain(cameras, ChainConfig()), BuiltInController(), hit="chosen")
     try:
         chain_warm_up.warm_up(player, cameras, LivePlayerConfig().window_us)
     finally:

@@ -99,10 +99,12 @@ def _pair(row: Mapping[str, object], name: str) -> str:
     return "-" if median is None else f"{two_digits(median)} ({two_digits(high)})"
 
 
-def measure_known_balls(task: TaskConfig, speed_mps: float, balls: int, seed: int) -> dict[str, object]:
+def measure_known_balls(
+    task: TaskConfig, speed_mps: float, balls: int, seed: int, hit: HitRule = "paper"
+) -> dict[str, object]:
     """A row of the rally's bench for `balls` drawn serves; a ball without a stroke that could return it is missed."""
     serves = draw_serves(speed_mps, balls, task, np.random.default_rng([seed, round(1000 * speed_mps)]))
-    found = play_recorded_states(serves, SimulatedReturnsConfig(task=task))
+    found = play_recorded_states(serves, SimulatedReturnsConfig(task=task, hit=hit))
     errors_mm = 1e3 * found.error_m[np.isfinite(found.error_m)]
     median, high = np.percentile(errors_mm, (50, 95)).tolist() if len(errors_mm) else (None, None)
     counts = {
@@ -214,7 +216,7 @@ def run(
         balls: of each chain and speed.
         speeds: of the serves, m/s.
         physics: of the balls.
-        hit: where balls are met; `known` plays at the plane.
+        hit: where balls are met.
         unknown: whether chain and controller learn the constants of air and table; `known` knows the ball anyway.
         elevation_spread: half the range of the serves' elevation about the standard one, degrees.
         seed: of the serves.
@@ -227,7 +229,7 @@ def run(
         task = task_profile(physics)
         task = replace(task, serve=replace(task.serve, elevation_spread_deg=elevation_spread))
         if name == "known":
-            row = measure_known_balls(task, speed, balls, seed)
+            row = measure_known_balls(task, speed, balls, seed, hit)
         else:
             row = measure_rally(
                 SENSOR_720,

@@ -27,7 +27,7 @@ from core.live.link import messages as m
 from core.live.link.live_source import LimitedRobot, LiveSource
 from core.live.live_flight import CommandSender, LiveFlight, QueuedCommand
 from core.live.live_snapshot import FinishedBall, LiveMeter, RallySnapshot
-from core.live.warm_up import warm_up
+from core.live.warm_up import load_strokes, warm_up
 from core.physics.config import PhysicsConfig
 from core.simulation.event_cameras.event_camera import BLOCK_US
 
@@ -303,6 +303,8 @@ class LivePlayer:
 
     def _build(self) -> None:
         self._player, self._problem = None, ""
+        if self._config.hit == "chosen":
+            load_strokes()
         try:
             self._player = self._make_player(self._cameras)
         except RallyscopeError as error:

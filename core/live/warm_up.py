@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras import Camera
+from core.chain.control.controller import BuiltInController
 from core.chain.control.player import Player, PlayerState
 from core.events import Events, Window
 from core.table import BALL_RADIUS_M, GRAVITY_MPS2
+from core.trajectory.prediction import HitPlane
 
 STEPS: Final = 50
 START_M: Final = (0.4, 0.05, 0.12)
@@ -36,7 +38,21 @@ def warm_up(player: Player, cameras: Mapping[str, Camera], window_us: int) -> Pl
         end_us = (number + 1) * window_us
         state = player.step({name: _painted(camera, end_us, window_us, table) for name, camera in cameras.items()})
     player.reset()
+    if player.hit == "chosen":
+        load_strokes()
     return state
+
+
+def load_strokes() -> None:
+    """Load what the choice of the hit asks of a stroke: the painted ball may be too low for one everywhere.
+
+    Quick where it is loaded: a player that begins to choose later calls it too.
+    """
+    sigmas = np.full(3, 1e-3)
+    spread = 1e-6 * np.eye(6)
+    p, v = np.array([-1.3, 0.0, 0.25]), np.array([-4.0, 0.0, 0.0])
+    hit = HitPlane(0.0, 1e-3, p, sigmas, v, sigmas, spread, "post", np.zeros(3), sigmas)
+    BuiltInController().strokes().stroke_at(hit, spread)
 
 
 def _painted(camera: Camera, end_us: int, window_us: int, table: Table) -> Window:

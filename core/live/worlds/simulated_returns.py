@@ -1,7 +1,7 @@
 """Balls whose states are known, played by the simulated robot: what its arm and its strokes can do, perception apart.
 
 The controller is told at the launch, exactly, when, where and with which velocity and spin the ball will cross the
-hitting plane; the racket then goes there within its limits.
+hitting plane, or, where the hit is chosen, each of the places looked at; the racket then goes there within its limits.
 
 Report of the balls of human play that the simulated robot returns, by speed and by spin.
 """
@@ -11,15 +11,26 @@ from __future__ import annotations
 import itertools
 import textwrap
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from core.chain.config import HitRule
 from core.chain.control.controller import BuiltInController, ControllerConfig, RacketDecision
+from core.chain.control.hit_choice import (
+    NO_TIME,
+    OUT_OF_REACH,
+    PAPER_X_M,
+    TOO_SLOW,
+    FaceTrajectory,
+    HitChoiceConfig,
+    RacketReach,
+    choose_hit,
+)
 from core.config import check_settings, setting
 from core.errors import ConfigError
 from core.extras import require_package
@@ -30,9 +41,10 @@ from core.physics.contact import HALF_LENGTH_M, HALF_WIDTH_M
 from core.physics.episode import Case, Serves
 from core.physics.task import TaskConfig
 from core.simulation.episodes.ball_outcome import BallOutcome, RallyClassifier
-from core.simulation.episodes.incoming import Incoming, fly_incoming
+from core.simulation.episodes.incoming import Incoming, IncomingBalls, fly_incoming
 from core.simulation.episodes.racket import RacketConfig
 from core.text import markdown_table
+from core.trajectory.prediction import HitPlane, Stage, TablePoint
 
 if TYPE_CHECKING:
     from core.simulation.episodes.mujoco_rally import MujocoRally
@@ -70,6 +82,8 @@ class SimulatedReturnsConfig:
     task: TaskConfig = field(default_factory=TaskConfig)
     racket: RacketConfig = field(default_factory=RacketConfig)
     controller: ControllerConfig = field(default_factory=ControllerConfig)
+    hit: HitRule = "paper"
+    """Where balls are met: `chosen` along the flight, or always at the `paper`'s plane."""
     told_after_ms: float = setting(0.0, 0.0, 1000.0)
     """Time after the launch at which the controller gets the ball's state; 0 is ideal."""
     step_ms: float = setting(10.0, 0.5, 20.0)
@@ -102,7 +116,13 @@ def play_recorded_states(
     balls: Serves, config: SimulatedReturnsConfig, progress: Callable[[float], None] = lambda share: None
 ) -> SimulatedReturns:
     """Play each ball alone, from its launch to its outcome."""
-    found = fly_incoming(balls, config.task)
+    choice = HitChoiceConfig()
+    xs_m = choice.xs_m if config.hit == "chosen" else np.array([config.task.stroke.hit_plane_x_m])
+    planes = [_fly_to(balls, float(x), config.task) for x in xs_m]
+    incoming = np.min([plane.incoming for plane in planes], axis=0)  # PLAYABLE is the smallest: somewhere it is
+    if config.hit == "chosen":
+        at_plane = planes[int(np.flatnonzero(xs_m == PAPER_X_M)[0])].incoming
+        incoming = np.where(incoming == Incoming.PLAYABLE, incoming, at_plane)
     fate = np.full(len(balls), ReturnOutcome.NOT_PLAYABLE, np.int8)
     error_m = np.full(len(balls), np.nan)
     controller = BuiltInController(config.task, config.controller)
@@ -111,11 +131,19 @@ def play_recorded_states(
 
     rally = MujocoRally(config.task, config.racket, dt_s=1e-3 * config.step_ms)
     judge = RallyClassifier(config.task)
-    for i in np.flatnonzero(found.incoming == Incoming.PLAYABLE):
-        arrival = found.arrivals.states[i]
-        decision = controller.decide(
-            found.arrivals.t_s[i], arrival[:3], arrival[3:6], stage="post", spin_radps=arrival[6:]
-        )
+    for i in np.flatnonzero(incoming == Incoming.PLAYABLE):
+        flight = KnownFlight.of(planes, int(i))
+        hit = flight.hits[0]
+        if config.hit == "chosen":
+            racket = FaceTrajectory(1e-3 * config.told_after_ms, config.racket.home_m, np.zeros(3))
+            reach = RacketReach.of_config(config.racket)
+            chosen = choose_hit(flight, controller.strokes(), racket, reach, choice)
+            if chosen.chosen is None:
+                fate[i] = FATE_OF_REASON.get(chosen.why_not, ReturnOutcome.NO_STROKE)
+                continue
+            hit = chosen.chosen.hit
+        assert hit is not None  # it is playable
+        decision = controller.decide(hit.t_s, hit.p_world_m, hit.v_world_mps, stage="post", spin_radps=hit.spin_radps)
         if decision is None:
             fate[i] = ReturnOutcome.NO_STROKE
             continue
@@ -134,7 +162,49 @@ def play_recorded_states(
         if outcome.case is Case.RETURNED:
             error_m[i] = np.linalg.norm(outcome.landing_m[:2] - controller.goal_m)
         progress((i + 1) / len(balls))
-    return SimulatedReturns(fate, found.incoming, found.is_service, error_m)
+    return SimulatedReturns(fate, incoming.astype(np.int8), planes[0].is_service, error_m)
+
+
+FATE_OF_REASON: Final = {
+    OUT_OF_REACH: ReturnOutcome.OUT_OF_REACH,
+    NO_TIME: ReturnOutcome.NO_TIME,
+    TOO_SLOW: ReturnOutcome.NO_TIME,
+}
+"""Outcome of a ball for which the choice found no hit; for other reasons there is no stroke."""
+
+
+def _fly_to(balls: Serves, x_m: float, task: TaskConfig) -> IncomingBalls:
+    return fly_incoming(balls, replace(task, stroke=replace(task.stroke, hit_plane_x_m=x_m)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KnownFlight:
+    """The true flight of one ball from its launch, as the choice of the hit takes a prediction."""
+
+    t_us: int
+    stage: Stage
+    bounces: tuple[TablePoint, ...]
+    """The one on the robot's half."""
+    hits: tuple[HitPlane | None, ...]
+    """The ball at the planes that it was flown to; None where it is not to be hit."""
+
+    @staticmethod
+    def of(planes: Sequence[IncomingBalls], i: int) -> KnownFlight:
+        """Ball `i` of those flown to several planes, playable at one of them."""
+        hits, bounces = [], ()
+        for plane in planes:
+            if plane.incoming[i] != Incoming.PLAYABLE:
+                hits.append(None)
+                continue
+            found, state, exact = plane.arrivals, plane.arrivals.states[i], np.zeros(3)
+            bounces = (TablePoint(float(found.bounce_t_s[i]), found.bounce_states[i, :3], exact),)
+            p, v, spin = state[:3], state[3:6], state[6:]
+            hits.append(HitPlane(float(found.t_s[i]), 0.0, p, exact, v, exact, np.zeros((6, 6)), "pre", spin, exact))
+        return KnownFlight(0, "pre", bounces, tuple(hits))
+
+    def crossings(self, xs_m: ArrayLike) -> tuple[HitPlane | None, ...]:
+        """The ball at the planes that it was flown to."""
+        return self.hits
 
 
 def _watch(rally: MujocoRally, judge: RallyClassifier) -> BallOutcome:
@@ -256,12 +326,15 @@ def write_ball_states_report(
 
 def _about_balls(row: Row, config: SimulatedReturnsConfig) -> str:
     when = f"{config.told_after_ms:g} ms after the launch" if config.told_after_ms else "at the launch"
+    where = f"the hitting plane, x = {config.task.stroke.hit_plane_x_m:g} m"
+    if config.hit == "chosen":
+        where = "one of the places along the flight where the hit may be chosen"
     return (
         "The files hold states of balls in human play: position, velocity and spin. Each is launched as it is. "
         f"Of {row['count']:,} balls {row['playable']:,} are playable: they bounce once on the robot's half (a service "
-        f"on the other half first) and come to the hitting plane, x = {config.task.stroke.hit_plane_x_m:g} m. "
+        f"on the other half first) and come to {where}. "
         f"**{row['returned']:,} come back.** The built-in controller plays with perfect knowledge: {when} it is told "
-        "exactly when, where, how fast and with which spin the ball will cross the plane. So this is what arm and "
+        "exactly when, where, how fast and with which spin the ball will be there. So this is what arm and "
         "strokes can do, without any error of perception."
     )
 

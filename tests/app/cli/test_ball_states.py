@@ -31,6 +31,9 @@ def test_it_says_how_many_come_back_and_writes_a_page(states: Path, tmp_path: Pa
     assert "rallyscope evaluate --ball-states states.json --physics real" in page.read_text()
     assert main(["evaluate", "--ball-states", str(states), "--sample", "2"]) == 0
     assert "6 to 7 m/s" in capsys.readouterr().out
+    assert main(["evaluate", "--ball-states", str(states), "--hit", "chosen", "--report", str(page), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["files"][0]["returned"] == 6
+    assert "--physics real --hit chosen" in page.read_text() and "where the hit may be chosen" in page.read_text()
 
 
 def test_what_is_asked_for_must_be_one_thing_and_possible(states: Path, tmp_path: Path, capsys) -> None:

@@ -5,6 +5,7 @@ import pytest
 
 from core.cameras import stereo_preset
 from core.chain import RallyChain
+from core.chain.control import return_chance
 from core.chain.control.controller import BuiltInController
 from core.chain.control.player import Player
 from core.events import SensorSize
@@ -60,3 +61,10 @@ def test_cameras_that_do_not_see_the_ball_do_no_harm() -> None:
 def _turned_round(cameras):
     turn = np.diag([-1.0, 1.0, -1.0, 1.0])
     return {name: replace(camera, T_world_camera=camera.T_world_camera @ turn) for name, camera in cameras.items()}
+
+
+def test_the_chance_of_a_stroke_is_loaded_too_where_the_hit_is_chosen() -> None:
+    """Before the first ball: it would stop the player for a second. The painted ball may be too low for a stroke."""
+    cameras = stereo_preset()
+    warm_up(Player(RallyChain(cameras), BuiltInController(), hit="chosen"), cameras, 5000)
+    assert return_chance._slopes.signatures  # pyright: ignore[reportPrivateUsage]

@@ -72,3 +72,14 @@ def test_most_recorded_balls_come_back(shared_data: Path) -> None:
     played = play_recorded_states(balls[np.random.default_rng(1).permutation(len(balls))[:60]], CONFIG)
     playable = played.incoming == Incoming.PLAYABLE
     assert playable.mean() > 0.7 and (played.fate[playable] == ReturnOutcome.RETURNED).mean() > 0.9
+
+
+def test_balls_below_the_table_s_top_at_the_plane_come_back_where_the_hit_is_chosen() -> None:
+    slow = draw_serves(3.0, 12, REAL, np.random.default_rng(4))
+    at_plane, chosen = (play_recorded_states(slow, replace(CONFIG, hit=rule)) for rule in ("paper", "chosen"))
+    assert at_plane.count(ReturnOutcome.RETURNED) < chosen.count(ReturnOutcome.RETURNED) >= 11
+    assert np.nanmedian(chosen.error_m) < 0.02
+    short_arm = replace(CONFIG, hit="chosen", racket=RacketConfig(reach_m=0.1))
+    assert play_recorded_states(slow, short_arm).count(ReturnOutcome.OUT_OF_REACH) > 5
+    into_the_net = launched((1.0, 0.0, 0.1), (-5.0, 0.0, 0.8))
+    assert play_recorded_states(into_the_net, replace(CONFIG, hit="chosen")).incoming.tolist() == [Incoming.NET]
