@@ -7,7 +7,7 @@ import dataclasses
 import json
 from collections.abc import Sequence
 from contextlib import closing, nullcontext
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -17,15 +17,16 @@ from app.cli.arguments import flag, given, one_of, positional, whole_number
 from app.cli.backend_arguments import SharedBackendArguments
 from app.cli.detector_arguments import AnyMethodArguments
 from app.cli.files import csv_text
-from app.cli.streaming import StreamingArguments, say_streaming, streaming_summary
+from app.cli.streaming import StreamingArguments, plain_score, say_streaming, score_without_delay, with_streaming
 from app.cli.tabulate import RecordingTable, Summary, tabulate
 from app.cli.terminal import format_table, print_lines, say
+from app.cli.window_arguments import WindowArguments, length_words, window_lengths
 from core.detection import DetectorConfig, RefinedDetection, make_detector
 from core.detection.method_trace import CandidateRow, MethodTrace
 from core.detection.methods import FRAME_METHODS, Method
 from core.detection.reasons import FIXED, Reason, ReasonCount, ReasonCounter, number_text
 from core.detection.refined.detector import estimate_delay
-from core.detection.window import WindowConfig
+from core.detection.window import WindowConfig, WindowRule
 from core.errors import CommandError
 from core.jobs import TaskControl
 from core.metrics import WindowAnswers, run_detector, score_answers
@@ -44,6 +45,7 @@ class DetectArguments:
     recordings: tuple[Path, ...] = positional("recordings or event files", "REC")
     camera: str | None = flag("which camera; needed if there are several", "NAME")
     detector: AnyMethodArguments
+    windows: WindowArguments
     wanted: tuple[str, str] = one_of(
         {
             "out": ("columns t_us,u_px,v_px,r_px; of several recordings a folder with a CSV of each", "CSV|DIR"),
@@ -71,10 +73,13 @@ def run(arguments: DetectArguments) -> None:
 
 def _say(summary: Summary) -> None:
     score, what = summary["score"], "pictures" if summary["method"] in FRAME_METHODS else "windows"
-    found = f"{summary['detections']} detections in {summary['windows']} {what} of {summary['window_us']} us"
+    found = f"{summary['detections']} detections in {summary['windows']} {what} of {length_words(summary)}"
     say(f"{found}: {summary['out']}")
     if isinstance(score, dict):
         say(f"precision {score['precision']}, recall {score['recall']}, median error {score['median_error_px']} px")
+    fair = summary.get("score_without_delay")
+    if isinstance(fair, dict):
+        say(f"with one delay of {fair['delay_us']} us taken out: median error {fair['median_error_px']} px")
     in_time = summary.get("streaming")
     if isinstance(in_time, dict):
         say_streaming(in_time)
@@ -101,6 +106,7 @@ def _explain(arguments: DetectArguments, t_us: int) -> None:
     if others:
         raise CommandError("one window of which recording?", expected="one recording", where="--explain")
     asked = arguments.detector
+    arguments.windows.refuse("one window is explained, of the length of --window-us", "leave it out")
     with closing(open_recording(path)) as recording:
         if asked.frame_method is not None:
             name, title, trace = _explain_picture(recording, arguments, t_us)
@@ -134,7 +140,8 @@ def _explain_picture(recording: FileRecording, arguments: DetectArguments, t_us:
 
 def _find_in_events(arguments: DetectArguments) -> DetectInEvents:
     method, config, window_us = arguments.detector.settings()
-    return DetectInEvents(arguments.camera, method, config, window_us, arguments.in_time.added_us())
+    rule = arguments.windows.rule(window_us)
+    return DetectInEvents(arguments.camera, method, config, rule, arguments.in_time.added_us())
 
 
 def _find_in_frames(arguments: DetectArguments, method: str) -> DetectInFrames:
@@ -143,6 +150,7 @@ def _find_in_frames(arguments: DetectArguments, method: str) -> DetectInFrames:
     for name, value in given({"config": asked.config, "window-us": asked.window_us}).items():
         remedy = "leave it out: all settings of yolo are in its weights, and a picture is a window"
         raise CommandError(f"{method} has no such setting", got=value, where=f"--{name}", remedy=remedy)
+    arguments.windows.refuse(f"{method} has no windows of events", "leave it out: a picture is a window")
     weights = asked.weights and asked.weights.absolute()
     return DetectInFrames(arguments.camera, method, weights, arguments.in_time.added_us())
 
@@ -154,7 +162,7 @@ class DetectInEvents:
     camera: str | None
     method: Method
     config: DetectorConfig
-    window_us: int
+    windows: WindowRule
     added_us: int | None
     """Delay besides computing, for a score in time; None without one."""
 
@@ -165,12 +173,14 @@ class DetectInEvents:
             detector = TimedDetector(make_detector(self.method, stream.sensor, self.config))
             with one_opencv_thread() if self.added_us is not None else nullcontext():
                 if self.added_us is not None:  # its code is loaded before the first window that is timed
-                    run_detector(stream, detector, self.window_us, end_us=WARM_UP_US)
+                    run_detector(stream, detector, self.windows, end_us=WARM_UP_US)
                     detector.seconds.clear()
                 reasons = ReasonCounter()
-                answers = run_detector(stream, detector, self.window_us, progress=control, reasons=reasons)
-            table = _table(stream.name, self.method, self.window_us, answers, stream.truth, reasons)
-            return _in_time(table, answers, stream.truth, detector, self.added_us)
+                answers = run_detector(stream, detector, self.windows, progress=control, reasons=reasons)
+            table = _table(stream.name, self.method, self.windows.longest_us, answers, stream.truth, reasons)
+            fair = score_without_delay(answers, stream.truth, stream.sensor)
+            table = RecordingTable(table.text, table.summary | window_lengths(self.windows, answers) | fair)
+            return with_streaming(table, answers, stream.truth, detector, self.added_us)
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,21 +205,7 @@ class DetectInFrames:
             answers = run_on_frames(frames, detector, progress=control, reasons=reasons)
             truth = recording.cameras[name].truth if name in recording.cameras else None
             table = _table(name, self.method, int(np.median(frames.exposure_us)), answers, truth, reasons)
-            return _in_time(table, answers, truth, detector, self.added_us)
-
-
-def _in_time(
-    table: RecordingTable,
-    answers: WindowAnswers,
-    truth: PixelTruth | None,
-    detector: TimedDetector,
-    added_us: int | None,
-) -> RecordingTable:
-    """With the score in time, if it is asked for."""
-    if added_us is None:
-        return table
-    scores = streaming_summary(answers, truth, np.array(detector.seconds), added_us)
-    return RecordingTable(table.text, table.summary | {"streaming": scores})
+            return with_streaming(table, answers, truth, detector, self.added_us)
 
 
 def choose_pictures(recording: FileRecording, name: str | None) -> tuple[str, FrameStream]:
@@ -259,11 +255,6 @@ def _table(
     for row in np.flatnonzero(answers.detected):
         place = (answers.u_px[row], answers.v_px[row], answers.r_px[row])
         rows.append([answers.t_us[row], *(f"{value:.4f}" for value in place)])
-    score = None
-    if truth is not None:
-        numbers = asdict(score_answers(answers, truth))
-        # nan is the only number that differs from itself, and JSON has none.
-        score = {name: None if number != number else round(number, 4) for name, number in numbers.items()}
     summary: Summary = {
         "camera": camera,
         "method": method,
@@ -271,7 +262,7 @@ def _table(
         "windows": len(answers.end_us),
         "detections": int(answers.detected.sum()),
         "extra_circles": int(answers.extra_circles.sum()),
-        "score": score,
+        "score": None if truth is None else plain_score(score_answers(answers, truth)),
         "why_not": why_not_summary(reasons),
         **_motion([one for one in answers.detections if isinstance(one, RefinedDetection)]),
     }

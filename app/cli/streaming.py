@@ -9,9 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.cli.arguments import WholeNumber, flag
+from app.cli.tabulate import RecordingTable, Summary
 from app.cli.terminal import say
 from core.errors import CommandError
-from core.metrics import WindowAnswers
+from core.events import SensorSize
+from core.metrics import Score, WindowAnswers, score_answers
+from core.metrics.delay import find_delay_us, without_delay
+from core.metrics.run import TimedDetector
 from core.metrics.streaming import (
     ADDED_US,
     FRESH_US,
@@ -24,8 +28,6 @@ from core.metrics.streaming import (
     delays_of,
 )
 from core.recordings import PixelTruth
-
-Summary = dict[str, object]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,6 +48,34 @@ class StreamingArguments:
         if not self.streaming and self.delay_us is not None:
             raise CommandError("a delay belongs to a score in time", where="--delay-us", remedy="add --streaming")
         return (self.delay_us or 0) if self.streaming else None
+
+
+def plain_score(score: Score) -> Summary:
+    """A score as values that JSON has: None for nan."""
+    return _rounded(asdict(score))
+
+
+def score_without_delay(answers: WindowAnswers, truth: PixelTruth | None, sensor: SensorSize) -> Summary:
+    """The score with one delay of sensor and method taken out, to compare methods by; empty without truth."""
+    if truth is None:
+        return {}
+    delay_us = find_delay_us(answers, truth, sensor)
+    score = plain_score(score_answers(without_delay(answers, delay_us), truth))
+    return {"score_without_delay": {"delay_us": delay_us} | score}
+
+
+def with_streaming(
+    table: RecordingTable,
+    answers: WindowAnswers,
+    truth: PixelTruth | None,
+    detector: TimedDetector,
+    added_us: int | None,
+) -> RecordingTable:
+    """A table with the score in time in its summary, if it is asked for: if `added_us` is not None."""
+    if added_us is None:
+        return table
+    scores = streaming_summary(answers, truth, np.array(detector.seconds), added_us)
+    return RecordingTable(table.text, table.summary | {"streaming": scores})
 
 
 def streaming_summary(

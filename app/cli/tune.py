@@ -18,6 +18,7 @@ from app.cli.ending import end_event
 from app.cli.files import check_folder
 from app.cli.labels_layer import read_layers
 from app.cli.progress import progress_bar
+from app.cli.streaming import StreamingArguments
 from app.cli.terminal import format_table, json_ready, say
 from core.detection.saved import SavedDetector, save_detector
 from core.errors import CommandError, ConfigError
@@ -56,6 +57,7 @@ class TuneArguments:
     parameters: Names | None = flag(
         "thresholds to search for, such as cluster.eps_px, or sections, such as cluster", "A,B...", "the usual ones"
     )
+    in_time: StreamingArguments
     trials: PositiveInt = setting_flag(TuningConfig, "trials", "N")
     seed: int = setting_flag(TuningConfig, "seed", "N")
     engine: SharedBackendArguments
@@ -98,6 +100,7 @@ def run(arguments: TuneArguments) -> None:
         "cameras": list(cameras),
         "method": method,
         "against": arguments.against,
+        "added_us": arguments.in_time.added_us(),
         "seed": arguments.seed,
         "asked": arguments.trials,
         "out": str(arguments.out),
@@ -119,11 +122,14 @@ def _objective(
     cameras: tuple[str, ...],
     config: TuningConfig,
 ) -> Objective:
-    method, start = detector
+    (method, start), added_us = detector, arguments.in_time.added_us()
     if arguments.against == "truth":
         if arguments.annotator is not None:
             raise CommandError("goes with --against labels", where="--annotator")
-        return truth_objective(arguments.recording, recording, cameras, method, start, config)
+        return truth_objective(arguments.recording, recording, cameras, method, start, config, added_us=added_us)
+    if added_us is not None:
+        remedy = "labels are too few to ask for the newest answer between them"
+        raise CommandError("goes with --against truth", where="--streaming", remedy=remedy)
     stores = read_layers(arguments.data / "labels", recording, cameras, arguments.annotator)
     labels = {store.layer.camera: store.labels() for store in stores}
     return label_objective(arguments.recording, method, labels, config)
@@ -155,7 +161,7 @@ def _describe(arguments: TuneArguments, method: str, result: TuningResult) -> st
     ]
     ended = f"ended early, after {len(result.trials)} of" if result.stopped else "all"
     lines = [
-        f"{method} against {arguments.against}, {ended} {arguments.trials} trials",
+        f"{method} against {arguments.against}{_in_time_words(arguments)}, {ended} {arguments.trials} trials",
         format_table(rows if result.best_trial else rows[::2]),
         "",
         format_table(_parameter_rows(result)),
@@ -163,6 +169,11 @@ def _describe(arguments: TuneArguments, method: str, result: TuningResult) -> st
         _verdict(result),
     ]
     return "\n".join(lines)
+
+
+def _in_time_words(arguments: TuneArguments) -> str:
+    added_us = arguments.in_time.added_us()
+    return "" if added_us is None else f", the newest answers {added_us} us after their windows"
 
 
 def _row(side: str, config: str, figures: Figures) -> dict[str, object]:

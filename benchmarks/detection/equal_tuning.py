@@ -9,7 +9,7 @@ searched for. What is maximised is the mean over the kinds of F1 less 0.02 per p
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -23,6 +23,7 @@ from core.detection.methods import Method, method_config
 from core.detection.window import windows_between
 from core.errors import ConfigError
 from core.events import Events, SensorSize
+from core.metrics.delay import without_delay
 from core.metrics.grid_score import GridScore, lag_ms, score_on_grid
 from core.metrics.run import WindowAnswers, answer_windows, duration_of
 from core.physics.config import physics_profile
@@ -107,7 +108,7 @@ def answers_of(camera: FlightCamera, method: Method, config: DetectorConfig) -> 
 
 def score_answers(camera: FlightCamera, answers: WindowAnswers, near_us: int, earlier_ms: float = 0.0) -> GridScore:
     """Answers against the truth, dated back by a lag; a time is found with a right answer within half of `near_us`."""
-    dated = replace(answers, t_us=answers.t_us - round(1000 * earlier_ms))
+    dated = without_delay(answers, round(1000 * earlier_ms))
     return score_on_grid(dated, camera.truth, camera.sensor, ANY_SPEED, window_us=near_us)
 
 

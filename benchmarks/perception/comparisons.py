@@ -108,9 +108,17 @@ says more than its pixel alone, so the bound is no law for methods that use it.
 """
 
 DEFINITIONS: Final = """
-Precision: every answer without the ball within 8 px at the time that the answer states is false. Recall: of the whole
-milliseconds at which the whole disc is in view and has been for 10 ms, those with a right answer within half a
-window. Errors are those of right answers, at the time that they state. Both cameras, balls of any speed.
+Delay: sensor and method delay an answer, and each method states its time in its own way. Of each camera and method
+one delay, that without which the median error is least, is taken out of all answers before anything is compared. Below,
+the time of an answer is what it states less this delay; a point in space has the mean of its cameras.
+
+Precision: every answer without the ball within 8 px at its time is false. Recall: of the whole milliseconds at which
+the whole disc is in view and has been for 10 ms, those with a right answer within half a window. Errors are those of
+right answers, at their time. Both cameras, balls of any speed.
+
+In time: at times {every_us} us apart, whatever the windows, a robot has the newest answer whose window had ended and
+whose step, on this machine, was over by then: held where it was, or moved on by the ball's velocity
+(docs/how/score-in-time.md).
 
 3D: distance of the chain's points from the ball at their time. Hitting point: along the plane x = -1.42 m, what the
 chain says at its last step 100 ms before the ball is there; the last column is the share of balls with a prediction.
@@ -272,6 +280,27 @@ def never_found(results: Results) -> float:
     return ratio(sum(time is None for time in times), len(times))
 
 
+def delay_us(results: Results) -> float:
+    """Mean over the cameras of the delay that was taken out of the answers."""
+    delays = [delay for one in results for delay in one.delay_us]
+    return ratio(sum(delays), len(delays))
+
+
+def age_ms(percent: float) -> Callable[[Results], float]:
+    """A percentile of the age of the newest answer with a ball, at the times with a ball."""
+    return lambda results: percentile((one.age_ms for one in results), percent)
+
+
+def held_px(percent: float) -> Callable[[Results], float]:
+    """A percentile of the distance of the newest answer from the ball."""
+    return lambda results: percentile((one.held_px for one in results), percent)
+
+
+def moved_px(percent: float) -> Callable[[Results], float]:
+    """A percentile of that distance if the answer is moved on by the ball's velocity."""
+    return lambda results: percentile((one.moved_px for one in results), percent)
+
+
 FIGURES: Final[dict[str, Callable[[Results], float]]] = {
     "precision": precision,
     "recall": recall,
@@ -290,6 +319,12 @@ FIGURES: Final[dict[str, Callable[[Results], float]]] = {
     "latency_p99_ms": latency_p99_ms,
     "recovery_median_ms": recovery_median_ms,
     "never_found": never_found,
+    "delay_us": delay_us,
+    "age_median_ms": age_ms(50),
+    "age_p95_ms": age_ms(95),
+    "held_median_px": held_px(50),
+    "moved_median_px": moved_px(50),
+    "moved_p95_px": moved_px(95),
 }
 
 

@@ -12,7 +12,7 @@ import hashlib
 import math
 import time
 from bisect import bisect_right
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,9 +36,11 @@ from core.detection.yolo.weights import SHIPPED, YoloWeights, load_weights
 from core.events import Events, SensorSize
 from core.jit import njit
 from core.jobs.control import one_torch_thread
+from core.metrics.delay import ANY_SPEED, find_delay_us, without_delay
 from core.metrics.grid_score import GridScore, image_velocity, score_on_grid, wholly_in_view
 from core.metrics.run import TimedDetector, WindowAnswers, run_detector, run_on_frames
 from core.metrics.score import MATCH_RADIUS_PX
+from core.metrics.streaming import InTimeErrors, arrival_times, asked_times, errors_in_time
 from core.recordings import BallTruth, CameraStream, PixelTruth, Triggers
 from core.recordings.frames import FrameStream, frame_windows
 from core.recordings.reader import FileRecording
@@ -173,9 +175,17 @@ def plane_crossings(ball: BallTruth, hit_x_m: float) -> list[PlaneCrossing]:
 
 
 def space_errors(
-    loaded: Mapping[str, LoadedCamera], cameras: Mapping[str, Camera], ball: BallTruth, chain: ChainConfig
+    loaded: Mapping[str, LoadedCamera],
+    cameras: Mapping[str, Camera],
+    ball: BallTruth,
+    chain: ChainConfig,
+    delay_us: int = 0,
 ) -> ChainErrors:
-    """Follow the ball with the chain, all cameras window by window, and compare with where it was."""
+    """Follow the ball with the chain, all cameras window by window, and compare with where it was.
+
+    `delay_us`, the mean of the cameras, is taken out of the points' times. A hitting point is a place: no constant
+    delay moves it.
+    """
     follower = RallyChain(cameras, chain)
     end_us = 1000 * min(len(camera.counts_per_ms()) for camera in loaded.values())
     times: list[int] = []
@@ -189,7 +199,8 @@ def space_errors(
         if state.point is not None:
             times.append(state.point.t_us)
             points.append(state.point.p_world_m)
-    off_m = np.linalg.norm(np.array(points).reshape(-1, 3) - true_positions(ball, np.array(times, np.int64)), axis=1)
+    there = true_positions(ball, np.array(times, np.int64) - delay_us)
+    off_m = np.linalg.norm(np.array(points).reshape(-1, 3) - there, axis=1)
     known = np.isfinite(off_m)
     crossings = plane_crossings(ball, chain.predictor.hit_x_m)
     errors = [hit_error_mm(crossing, ends, said) for crossing in crossings]
@@ -296,8 +307,6 @@ def read_once(t_us, x_px, y_px, on):
     return total
 
 
-ANY_SPEED: Final = (0.0, 1e9)
-"""Of the ball in the picture, px/ms: all of them."""
 WARM_UP_US: Final = 100_000
 COMMON_US: Final = math.lcm(*(method_config(method).window.window_us for method in METHODS))
 """Every method has a window that ends at whole multiples of it."""
@@ -336,12 +345,18 @@ def measure_method(recording: LoadedRecording, method: Method) -> PerceptionResu
     recovery: list[float | None] = []
     bounds: list[CircleBounds] = []
     shown: list[ShownAnswer | None] = []
+    delays: list[int] = []
+    in_time: list[InTimeErrors] = []
     end_us = shown_window(recording)
     with one_thread():
         for camera in recording.cameras.values():
             _warm_up(camera, method)
             detector = TimedDetector(make_detector(method, camera.sensor))
-            answers = run_detector(camera, detector, window_us)
+            stamped = run_detector(camera, detector, window_us)
+            delays.append(find_delay_us(stamped, camera.truth, camera.sensor))
+            answers = without_delay(stamped, delays[-1])
+            arrival_us = arrival_times(answers.end_us, 1e6 * np.array(detector.seconds))
+            in_time.append(errors_in_time(answers, camera.truth, arrival_us, asked_times(answers)))
             score += score_on_grid(answers, camera.truth, camera.sensor, ANY_SPEED, window_us=window_us)
             seconds.append(np.array(detector.seconds)[answers.detected])
             windows += len(answers.end_us)
@@ -349,7 +364,8 @@ def measure_method(recording: LoadedRecording, method: Method) -> PerceptionResu
             recovery += recovery_times_ms(answers, camera.truth)
             bounds += circle_bounds(camera, method, config)
             shown.append(answer_at(answers, end_us))
-        space = space_errors(recording.cameras, recording.calibrations, recording.ball, chain)
+        mean_us = round(float(np.mean(delays)))
+        space = space_errors(recording.cameras, recording.calibrations, recording.ball, chain, mean_us)
     return PerceptionResult(
         scene=recording.scene,
         seed=recording.seed,
@@ -372,7 +388,17 @@ def measure_method(recording: LoadedRecording, method: Method) -> PerceptionResu
         hits=space.hits,
         hit_mm=rounded(space.hit_mm),
         shown=shown[0],
+        delay_us=tuple(delays),
+        age_ms=known_values([1e-3 * one.age_us for one in in_time]),
+        held_px=known_values([one.held_px for one in in_time]),
+        moved_px=known_values([one.moved_px for one in in_time]),
     )
+
+
+def known_values(columns: Sequence[Array]) -> tuple[float, ...]:
+    """All values of some columns but nan, rounded for the result file."""
+    together = np.concatenate(columns)
+    return rounded(together[np.isfinite(together)])
 
 
 def read_recording(recording: LoadedRecording) -> RecordingReading:
@@ -461,12 +487,18 @@ def measure_frames(recording: LoadedRecording, path: Path | None = None) -> Perc
         return None
     weights = load_weights(path or SHIPPED)
     score, seconds, recovery = GridScore(), [], []
+    delays: list[int] = []
+    in_time: list[InTimeErrors] = []
     period_us = round(float(np.median(np.concatenate([np.diff(one.t_us) for one in streams.values()]))))
     with one_thread(), one_torch_thread():
         for name, frames in streams.items():
             camera = recording.cameras[name]
             detector = TimedDetector(_warm(weights, frames))
-            answers = run_on_frames(frames, detector)
+            stamped = run_on_frames(frames, detector)
+            delays.append(find_delay_us(stamped, camera.truth, camera.sensor))
+            answers = without_delay(stamped, delays[-1])
+            arrival_us = arrival_times(answers.end_us, 1e6 * np.array(detector.seconds))
+            in_time.append(errors_in_time(answers, camera.truth, arrival_us, asked_times(answers)))
             score += score_on_grid(answers, camera.truth, camera.sensor, ANY_SPEED, window_us=period_us)
             seconds.append(np.array(detector.seconds)[answers.detected])
             recovery += recovery_times_ms(answers, camera.truth)
@@ -496,6 +528,10 @@ def measure_frames(recording: LoadedRecording, path: Path | None = None) -> Perc
         frame_bytes=count * first.image(0).nbytes,
         exposure_us=int(first.exposure_us[0]),
         sharp_recall=None if weights.score is None else weights.score.recall,
+        delay_us=tuple(delays),
+        age_ms=known_values([1e-3 * one.age_us for one in in_time]),
+        held_px=known_values([one.held_px for one in in_time]),
+        moved_px=known_values([one.moved_px for one in in_time]),
     )
 
 

@@ -62,6 +62,7 @@ from benchmarks.perception.results import FRAME_METHODS, METHODS, ROWS, Percepti
 from core.detection.methods import FRAME_METHODS as FRAME_METHOD_WORDS
 from core.detection.methods import METHODS as METHOD_WORDS
 from core.events import Events
+from core.metrics.streaming import ASKED_EVERY_US
 from core.recordings import PixelTruth, open_recording
 from core.text import markdown_table
 
@@ -146,6 +147,7 @@ def report_sections(runs: Sequence[SeedRun], machine: Mapping[str, object]) -> l
         _accuracy(runs),
         _cost(runs),
         _comparisons(runs),
+        _in_time(runs),
         _scenes(runs),
         _limits(runs),
         _recordings(runs),
@@ -189,11 +191,11 @@ def _accuracy(runs: Sequence[SeedRun]) -> ReportSection:
     forms = {
         "precision": ".3f", "recall": ".3f", "error_mean_px": ".2f", "error_median_px": ".2f", "error_p95_px": ".2f",
         "point_median_mm": ".2f", "point_p95_mm": ".1f", "hit_median_mm": ".1f", "hit_p95_mm": ".1f",
-        "hits_told": ".2f",
+        "hits_told": ".2f", "delay_us": ".0f",
     }  # fmt: skip
     columns = (
         "method", "precision", "recall", "error mean px", "median", "p95", "3D median mm", "p95",
-        "hitting point median mm", "p95", "share of balls with a prediction",
+        "hitting point median mm", "p95", "share of balls with a prediction", "delay taken out us",
     )  # fmt: skip
     return ReportSection("What is found, and how exactly", (_methods(),), columns, _figure_rows(runs, forms))
 
@@ -208,6 +210,15 @@ def _cost(runs: Sequence[SeedRun]) -> ReportSection:
         "never found",
     )  # fmt: skip
     return ReportSection("What it costs, and how soon", (), columns, _figure_rows(runs, forms))
+
+
+def _in_time(runs: Sequence[SeedRun]) -> ReportSection:
+    forms = {
+        "age_median_ms": ".2f", "age_p95_ms": ".1f", "held_median_px": ".2f", "moved_median_px": ".2f",
+        "moved_p95_px": ".2f",
+    }  # fmt: skip
+    columns = ("method", "age of the newest answer median ms", "p95", "held, median px", "moved on, median px", "p95")
+    return ReportSection("What a robot would have in time", (), columns, _figure_rows(runs, forms))
 
 
 def _methods() -> str:
@@ -317,7 +328,8 @@ def _recordings(runs: Sequence[SeedRun]) -> ReportSection:
 
 def _definitions() -> ReportSection:
     delays = {"delay_ms": 1e-3 * SENSOR_DELAY_US, "readout_ms": 1e-3 * READOUT_US}
-    return ReportSection("How it is measured", paragraphs(DEFINITIONS, event_bytes=EVENT_BYTES, **delays))
+    filled = {"event_bytes": EVENT_BYTES, "every_us": ASKED_EVERY_US, **delays}
+    return ReportSection("How it is measured", paragraphs(DEFINITIONS, **filled))
 
 
 def _known(value: float, form: str) -> str:

@@ -98,7 +98,7 @@ class PerceptionResult:
     answers: int
     false: int
     error_px: tuple[float, ...]
-    """Of the right answers, at the times that they state."""
+    """Of the right answers, at the times that they state less `delay_us`."""
     events: int
     """Read by the detectors: all of all windows."""
     cpu_ms: tuple[float, ...]
@@ -123,6 +123,15 @@ class PerceptionResult:
     exposure_us: int = 0
     sharp_recall: float | None = None
     """What the detector finds of sharp pictures that it was not trained on: with less than 0.9 it is no rival."""
+    delay_us: tuple[int, ...] = ()
+    """Of each camera, the one delay that was taken out of all answers before errors were compared."""
+    age_ms: tuple[float, ...] = ()
+    """Of the newest answer with a ball that has arrived, at the times with a ball, as this machine computes; so the
+    next two."""
+    held_px: tuple[float, ...] = ()
+    """Its distance from the ball if it stays where it was."""
+    moved_px: tuple[float, ...] = ()
+    """And if it is moved on by the ball's velocity."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

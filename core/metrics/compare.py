@@ -8,7 +8,7 @@ labels each method is run at the labels and counted there, once a label, as a sc
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
@@ -18,9 +18,11 @@ from core.detection import DetectorConfig
 from core.detection.methods import Method, make_detector, method_config
 from core.events import SensorSize
 from core.metrics.at_times import answers_at
+from core.metrics.delay import find_delay_us, without_delay
 from core.metrics.grid_score import GRID_US, askable, distance_us
 from core.metrics.run import LEAD_IN_US, TimedDetector, WindowAnswers, duration_of, one_opencv_thread, run_detector
 from core.metrics.score import MATCH_RADIUS_PX
+from core.metrics.streaming import StreamingScore, arrival_times, asked_times, score_in_time
 from core.recordings import CameraStream, PixelTruth
 
 ReferenceKind = Literal["truth", "labels", "method"]
@@ -141,6 +143,11 @@ class ClassifiedRun:
     """(M,) whether the answer is right."""
     error_px: Array
     """(M,) distance from the reference; nan where it has no ball."""
+    delay_us: int = 0
+    """Taken out of the answers' times, see `core.metrics.delay`; 0 against labels, which lie on the events, and against
+    a method."""
+    in_time: StreamingScore | None = None
+    """The newest answers that a robot would have, with the delay taken out; None without a truth."""
 
     @property
     def recall(self) -> float:
@@ -189,10 +196,14 @@ def compare_methods(
     start_us: int,
     end_us: int,
     *,
+    added_us: float = 0.0,
     progress: Callable[[float], None] = lambda share: None,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> Comparison:
     """Run every method over [start_us, end_us) and judge it; `against` a method, its answers are what is right.
+
+    Against the truth one delay is taken out of each method, and the newest answers are scored in time, too, if each
+    takes `added_us` besides computing.
 
     A method that is only the reference is run, and not judged, with its defaults. When `cancelled()` becomes true the
     runs are as far as they had come.
@@ -217,7 +228,19 @@ def compare_methods(
     if not isinstance(against, PixelReference):
         against = method_reference(runs[against].answers, against)
     reference = _within(against, start_us, end_us)
-    return Comparison(reference, start_us, end_us, tuple(judge_run(runs[method], reference) for method in configs))
+    judged = (_judge(runs[method], reference, stream.sensor, added_us) for method in configs)
+    return Comparison(reference, start_us, end_us, tuple(judged))
+
+
+def _judge(run: MethodRun, reference: PixelReference, sensor: SensorSize, added_us: float) -> ClassifiedRun:
+    if reference.kind != "truth":
+        return judge_run(run, reference)
+    delay_us = find_delay_us(run.answers, reference.places, sensor)
+    answers = without_delay(run.answers, delay_us)
+    arrival_us = arrival_times(answers.end_us, 1e6 * run.step_s, added_us)
+    in_time = score_in_time(answers, reference.places, arrival_us, asked_times(answers))
+    judged = judge_run(replace(run, answers=answers), reference)
+    return replace(judged, delay_us=delay_us, in_time=in_time)
 
 
 def run_method(
@@ -297,7 +320,12 @@ def judge_run(run: MethodRun, reference: PixelReference, *, match_radius_px: flo
 
 def judge_whole_run(run: MethodRun, stream: CameraStream, truth: PixelTruth) -> ClassifiedRun:
     """Compare the answers to a whole recording with its truth, by the same rule and figures as `compare_methods`."""
-    return judge_run(run, _within(truth_reference(truth, stream.sensor), 0, duration_of(stream)))
+    return _judge(run, whole_reference(stream, truth), stream.sensor, 0.0)
+
+
+def whole_reference(stream: CameraStream, truth: PixelTruth) -> PixelReference:
+    """Reference from the truth of a whole recording."""
+    return _within(truth_reference(truth, stream.sensor), 0, duration_of(stream))
 
 
 def bin_edges(start_us: int, end_us: int, *, most: int = 80, shortest_us: int = 10_000) -> NDArray[np.int64]:

@@ -20,7 +20,7 @@ from core.detection.method_trace import MethodTrace, explain_step
 from core.detection.methods import Method, make_detector, method_config
 from core.detection.reasons import Reason, ReasonCount, ReasonCounter, reasons_of
 from core.detection.refined.detector import SEARCH_EVERY
-from core.detection.window import windows_between
+from core.detection.window import ImageMotion, WindowRule, windows_by_rule
 from core.events import Window
 from core.recordings import CameraStream
 from core.recordings.frames import FrameStream, frame_windows
@@ -53,7 +53,12 @@ class WindowAnswers:
 
     def rows(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> WindowAnswers:
         """Selected rows, in the same order."""
-        # Without `detections`: they have no row for a window without a ball.
+        own = self.detections
+        if len(own) == self.detected.sum():  # one for each row with a ball, none for the others
+            places = (np.cumsum(self.detected) - 1)[rows][self.detected[rows]]
+            own = tuple(own[place] for place in places)
+        else:
+            own = ()
         return WindowAnswers(
             self.end_us[rows],
             self.t_us[rows],
@@ -61,6 +66,7 @@ class WindowAnswers:
             self.v_px[rows],
             self.r_px[rows],
             self.extra_circles[rows],
+            own,
         )
 
 
@@ -72,7 +78,7 @@ def duration_of(stream: CameraStream) -> int:
 def run_detector(
     stream: CameraStream,
     detector: Detector,
-    window_us: int,
+    window_us: int | WindowRule,
     *,
     start_us: int = 0,
     end_us: int | None = None,
@@ -87,7 +93,7 @@ def run_detector(
     Args:
         stream: the camera's events.
         detector: is reset first.
-        window_us: length of a window.
+        window_us: length of a window, or the rule by which windows end.
         start_us: where the first window begins.
         end_us: where the last one ends at most; None: the end of the recording.
         progress: gets the share that is done.
@@ -95,9 +101,12 @@ def run_detector(
         reasons: counts, changed in place.
     """
     end_us = duration_of(stream) if end_us is None else end_us
-    windows = windows_between(stream, start_us, end_us, window_us)
+    rule, motion = window_us if isinstance(window_us, WindowRule) else WindowRule(longest_us=window_us), ImageMotion()
+    windows = windows_by_rule(stream, start_us, end_us, rule, motion)
     between = start_us, end_us
-    return answer_windows(detector, windows, between, progress=progress, cancelled=cancelled, reasons=reasons)
+    return answer_windows(
+        detector, windows, between, progress=progress, cancelled=cancelled, reasons=reasons, motion=motion
+    )
 
 
 def run_on_frames(
@@ -122,14 +131,17 @@ def answer_windows(
     progress: Callable[[float], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
     reasons: ReasonCounter | None = None,
+    motion: ImageMotion | None = None,
 ) -> WindowAnswers:
-    """A detector's answers to windows in order of time, which lie between these two times."""
+    """A detector's answers to windows in order of time, which lie between these two times; `motion` is given each."""
     detector.reset()
     start_us, end_us = between_us
     rows: list[tuple[int, int, float, float, float, int]] = []
     detections: list[Detection] = []
     for number, window in enumerate(windows):
         found = detector.step(window)
+        if motion is not None:
+            motion.add(found)
         place = (window.end_us if window.frame is None else window.frame.t_us, np.nan, np.nan, np.nan)
         if found is not None:
             place = (found.t_us, found.u_px, found.v_px, found.r_px)

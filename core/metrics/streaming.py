@@ -17,6 +17,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from core.detection.window import VELOCITY_GAP_US
 from core.metrics.run import WindowAnswers
 from core.metrics.score import Score, judge_answers, score_answers
 from core.recordings import PixelTruth
@@ -25,10 +26,11 @@ Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 FRESH_US: Final = 20_000
 """A robot can use an answer this old; an older one counts as none in `fresh`."""
-VELOCITY_GAP_US: Final = 20_000
-"""Two answers farther apart do not give a velocity."""
 ADDED_US: Final = tuple(range(0, 20_001, 1000))
 """Further delays of the curve."""
+ASKED_EVERY_US: Final = 970
+"""Between times at which methods with different windows are asked alike. It divides no usual window, so that each part
+of a window is asked equally often."""
 SLOWER: Final = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Times as much computing of the other curve."""
 
@@ -77,10 +79,12 @@ class TimedRun:
         """Each answer at its own time."""
         return score_answers(self.answers, self.truth)
 
-    def in_time(self, added_us: float) -> StreamingScore:
-        """The newest answer, if each takes so much time besides computing."""
+    def in_time(self, added_us: float, asked_us: Times | None = None) -> StreamingScore:
+        """The newest answer, if each takes so much time besides computing; at times (A,), or at those of the answers'
+        own balls.
+        """
         arrival_us = arrival_times(self.answers.end_us, self.step_us, added_us)
-        return score_in_time(self.answers, self.truth, arrival_us)
+        return score_in_time(self.answers, self.truth, arrival_us, asked_us)
 
 
 def arrival_times(end_us: Times, step_us: Array, added_us: float = 0.0) -> Array:
@@ -97,6 +101,18 @@ def arrival_times(end_us: Times, step_us: Array, added_us: float = 0.0) -> Array
     return np.maximum.accumulate(end_us - (spent - step_us)) + spent + added_us
 
 
+def asked_times(answers: WindowAnswers) -> Times:
+    """Evenly spaced times while a detector ran, us: a method with long windows is asked between its answers, too."""
+    ends = answers.end_us
+    return np.arange(ends[0], ends[-1], ASKED_EVERY_US, np.int64) if len(ends) else ends
+
+
+def rows_at(arrival_us: Array, asked_us: Times) -> NDArray[np.intp]:
+    """(A,) row of the newest window whose answer has arrived by each time (A,); -1 for none."""
+    first_us = np.minimum.accumulate(arrival_us[::-1])[::-1]  # when this answer, or a newer one, arrives
+    return np.searchsorted(first_us, asked_us, side="right") - 1
+
+
 def newest_rows(arrival_us: Array, asked_us: Times) -> NDArray[np.intp]:
     """(N,) row of the newest window whose answer has arrived by the time that each row asks for; -1 for none.
 
@@ -106,16 +122,17 @@ def newest_rows(arrival_us: Array, asked_us: Times) -> NDArray[np.intp]:
         arrival_us: (N,) when the answers arrive, in the order of their windows.
         asked_us: (N,) a time for each.
     """
-    first_us = np.minimum.accumulate(arrival_us[::-1])[::-1]  # when this answer, or a newer one, arrives
-    rows = np.searchsorted(first_us, asked_us, side="right") - 1
+    rows = rows_at(arrival_us, asked_us)
     for row in np.flatnonzero(rows > np.arange(len(rows))):
         there = np.flatnonzero(arrival_us[: row + 1] <= asked_us[row])
         rows[row] = there[-1] if len(there) else -1
     return rows
 
 
-def newest_answers(answers: WindowAnswers, arrival_us: Array, *, moved: bool) -> WindowAnswers:
-    """For the time of each window's answer (N,), the newest answer that has arrived by then.
+def newest_answers(
+    answers: WindowAnswers, arrival_us: Array, *, moved: bool, asked_us: Times | None = None
+) -> WindowAnswers:
+    """For the time of each window's answer (N,), or for given times (A,), the newest answer that has arrived by then.
 
     Where that one says that there is no ball, or none has arrived, there is none.
 
@@ -123,9 +140,9 @@ def newest_answers(answers: WindowAnswers, arrival_us: Array, *, moved: bool) ->
         answers: what the detector said, with its detections if their own velocities are to be used.
         arrival_us: (N,) when each answer arrives.
         moved: whether the ball is moved on by its velocity, to where it should be by then.
+        asked_us: (A,) times, ascending; None: those of the answers.
     """
-    asked_us = answers.t_us
-    rows = newest_rows(arrival_us, asked_us)
+    rows, asked_us, ends_us = _newest(answers, arrival_us, asked_us)
     there = rows >= 0
     place = np.where(there, [answers.u_px[rows], answers.v_px[rows], answers.r_px[rows]], np.nan)
     if moved:
@@ -133,7 +150,14 @@ def newest_answers(answers: WindowAnswers, arrival_us: Array, *, moved: bool) ->
         place[:2] += velocity * 1e-3 * (asked_us - answers.t_us[rows])
     extra = np.where(there, answers.extra_circles[rows], 0).astype(np.int32)
     u_px, v_px, r_px = place
-    return WindowAnswers(answers.end_us, asked_us, u_px, v_px, r_px, extra)
+    return WindowAnswers(ends_us, asked_us, u_px, v_px, r_px, extra)
+
+
+def _newest(answers: WindowAnswers, arrival_us: Array, asked_us: Times | None) -> tuple[NDArray[np.intp], Times, Times]:
+    """Row of the newest answer at each time, the times, and the ends of their windows."""
+    if asked_us is None:
+        return newest_rows(arrival_us, answers.t_us), answers.t_us, answers.end_us
+    return rows_at(arrival_us, asked_us), asked_us, asked_us
 
 
 def velocities(answers: WindowAnswers) -> Array:
@@ -155,21 +179,45 @@ def velocities(answers: WindowAnswers) -> Array:
     return speed
 
 
-def score_in_time(answers: WindowAnswers, truth: PixelTruth, arrival_us: Array) -> StreamingScore:
-    """Score the newest answer at the time of each answer's own ball.
+@dataclass(frozen=True, slots=True, eq=False)
+class InTimeErrors:
+    """The newest answer at the N times with a ball; nan where there is none."""
+
+    age_us: Array
+    """(N,) of the newest answer that found a ball."""
+    held_px: Array
+    """(N,) its distance from the ball if it stays where it was."""
+    moved_px: Array
+    """(N,) and if it is moved on by the ball's velocity."""
+
+
+def errors_in_time(
+    answers: WindowAnswers, truth: PixelTruth, arrival_us: Array, asked_us: Times | None = None
+) -> InTimeErrors:
+    """Ages and errors of the newest answers; arguments as `score_in_time`."""
+    held = judge_answers(newest_answers(answers, arrival_us, moved=False, asked_us=asked_us), truth)
+    moved = judge_answers(newest_answers(answers, arrival_us, moved=True, asked_us=asked_us), truth)
+    ball = held.with_ball
+    return InTimeErrors(ages(answers, arrival_us, asked_us)[ball], held.error_px[ball], moved.error_px[ball])
+
+
+def score_in_time(
+    answers: WindowAnswers, truth: PixelTruth, arrival_us: Array, asked_us: Times | None = None
+) -> StreamingScore:
+    """Score the newest answer at the time of each answer's own ball, or at given times.
 
     Args:
         answers: of N windows in order of time.
         truth: where the ball is.
         arrival_us: (N,) when each answer arrives; equal to `answers.t_us`, `held` is the score of `score_answers`.
+        asked_us: (A,) times, ascending, the same for methods that are compared; None: those of the answers.
     """
-    held = newest_answers(answers, arrival_us, moved=False)
-    moved = newest_answers(answers, arrival_us, moved=True)
-    judged = judge_answers(held, truth)
-    ball = judged.with_ball
-    age_us = ages(answers, arrival_us)[ball]
-    held_median_px, held_p95_px = _percentiles(judged.error_px[ball], (50, 95))
-    moved_median_px, moved_p95_px = _percentiles(judge_answers(moved, truth).error_px[ball], (50, 95))
+    held = newest_answers(answers, arrival_us, moved=False, asked_us=asked_us)
+    moved = newest_answers(answers, arrival_us, moved=True, asked_us=asked_us)
+    errors = errors_in_time(answers, truth, arrival_us, asked_us)
+    age_us = errors.age_us
+    held_median_px, held_p95_px = _percentiles(errors.held_px, (50, 95))
+    moved_median_px, moved_p95_px = _percentiles(errors.moved_px, (50, 95))
     age_median_us, age_p95_us = _percentiles(age_us, (50, 95))
     return StreamingScore(
         held=score_answers(held, truth),
@@ -184,12 +232,14 @@ def score_in_time(answers: WindowAnswers, truth: PixelTruth, arrival_us: Array) 
     )
 
 
-def ages(answers: WindowAnswers, arrival_us: Array) -> Array:
-    """(N,) age of the newest answer with a ball at the time of each window's answer [us]; nan before the first one."""
-    rows = newest_rows(arrival_us, answers.t_us)
-    last = np.maximum.accumulate(np.where(answers.detected, np.arange(len(rows)), -1))
+def ages(answers: WindowAnswers, arrival_us: Array, asked_us: Times | None = None) -> Array:
+    """(N,) age of the newest answer with a ball at the time of each window's answer, or (A,) at given times [us]; nan
+    before the first one.
+    """
+    rows, asked_us, _ = _newest(answers, arrival_us, asked_us)
+    last = np.maximum.accumulate(np.where(answers.detected, np.arange(len(answers.t_us)), -1))
     last = np.where(rows >= 0, last[rows], -1)
-    return np.where(last >= 0, answers.t_us - answers.t_us[last], np.nan)
+    return np.where(last >= 0, asked_us - answers.t_us[last], np.nan)
 
 
 def delays_of(answers: WindowAnswers, arrival_us: Array) -> Delays:

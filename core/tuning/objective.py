@@ -21,6 +21,7 @@ from core.errors import RecordingError
 from core.metrics import run_detector
 from core.metrics.grid_score import GridScore, score_on_grid
 from core.metrics.score import MATCH_RADIUS_PX
+from core.metrics.streaming import asked_times, newest_answers
 from core.recordings import Recording
 
 
@@ -184,6 +185,10 @@ class TruthObjective:
     near_us: int
     """Twice as far an answer may be from a time that asks for it: a window of the config to start from, whatever the
     windows of a trial, which would otherwise seem better for being longer."""
+    added_us: int | None = None
+    """Score in time: what counts, at evenly spaced times, is the newest answer that has arrived, moved on by the
+    ball's velocity, if each takes so long after the end of its window. None: each answer at its own time. What a step
+    takes on this machine is not in it, or the same seed would not give the same answer."""
 
     def score(self, recording: Recording, config: DetectorConfig, cancelled: Cancelled) -> SplitScore:
         """Score of all cameras together."""
@@ -196,6 +201,9 @@ class TruthObjective:
             answers = run_detector(stream, detector, config.window.window_us, cancelled=cancelled)
             if cancelled():
                 raise TuningStoppedError
+            if self.added_us is not None:
+                arrival_us = answers.end_us + float(self.added_us)
+                answers = newest_answers(answers, arrival_us, moved=True, asked_us=asked_times(answers))
             tuned, held_out = (
                 score_on_grid(answers, truth, stream.sensor, ANY_SPEED, window_us=self.near_us, counts=side)
                 for side in (self.blocks.tuned, self.blocks.held_out)
@@ -211,8 +219,10 @@ def truth_objective(
     method: str,
     start: DetectorConfig,
     config: TuningConfig | None = None,
+    *,
+    added_us: int | None = None,
 ) -> TruthObjective:
-    """Objective for the cameras of a recording that have the truth.
+    """Objective for the cameras of a recording that have the truth; with `added_us` it is one in time.
 
     Raises:
         RecordingError: if one of them knows none, or there are too few balls in it.
@@ -226,4 +236,4 @@ def truth_objective(
             raise RecordingError("there is no ground truth to tune against", where=f"camera {name}", remedy=remedy)
         times.append(truth.t_us[truth.visible])
     blocks = cut_blocks(np.concatenate(times), config.blocks, config.gap_us)
-    return TruthObjective(path, tuple(cameras), method, blocks, start.window.window_us)
+    return TruthObjective(path, tuple(cameras), method, blocks, start.window.window_us, added_us)

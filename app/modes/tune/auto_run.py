@@ -164,6 +164,8 @@ class AutoTuneRequest:
     trials: int
     seed: int
     start: DetectorConfig
+    added_us: int | None = None
+    """Score in time, with this extra latency; None: each answer at its own time."""
     where: tuple[str, ...]
     """The flags of `tune` that say where the trials are made."""
 
@@ -208,7 +210,7 @@ def run_auto_tune(
                 progress(share)
                 say(line)
 
-        child = ChildProcess(*_command(request, start, found), on_line=hear, on_end=ended.set)
+        child = ChildProcess(*tune_command(request, start, found), on_line=hear, on_end=ended.set)
         while not ended.wait(LOOK_S):
             if cancelled():
                 child.stop()
@@ -223,7 +225,7 @@ def run_auto_tune(
         return AutoTuneAnswer(load_detector(found).config, read_report(answer))
 
 
-def _command(request: AutoTuneRequest, start: Path, found: Path) -> list[str]:
+def tune_command(request: AutoTuneRequest, start: Path, found: Path) -> list[str]:
     """Command line after `python -m`."""
     words = ["app.cli", "tune", str(request.recording), "--method", request.method, "--config", str(start)]
     words += ["--parameters", ",".join(request.parameters), "--out", str(found), "--json", "--until-eof"]
@@ -231,6 +233,8 @@ def _command(request: AutoTuneRequest, start: Path, found: Path) -> list[str]:
     if not request.all_cameras:
         words += ["--camera", request.camera]
     words += ["--against", request.against]
+    if request.added_us is not None:
+        words += ["--streaming", "--delay-us", str(request.added_us)]
     if request.against == "labels":
         reference = find_reference(request.labels, request.uuid, request.camera)
         if reference is None:

@@ -42,6 +42,8 @@ class AutoTuneForm:
     trials: int
     seed: int
     all_cameras: bool
+    in_time: bool
+    """Whether the newest answers are scored, with the extra latency of the tab Score."""
     place: str
 
 
@@ -58,6 +60,11 @@ class AutoTunePanel:
             self._trials = gui.add_number("Trials", config.trials, min=1, max=MAX_TRIALS, step=1)
             self._seed = gui.add_number("Seed", config.seed, min=0, max=LARGEST_SEED, step=1)
             self._all_cameras = gui.add_checkbox("All cameras", True, hint="All cameras, or only the shown one")
+            self._in_time = gui.add_checkbox(
+                "Score in time",
+                False,
+                hint="What the newest answer is worth to a robot, with the Extra latency of Score; needs the truth",
+            )
             self._place = gui.add_dropdown("Where", places, visible=len(places) > 1, hint="Machine for the trials")
             self._start = gui.add_button(
                 "Tune automatically",
@@ -96,6 +103,7 @@ class AutoTunePanel:
             trials,
             seed,
             bool(self._all_cameras.value),
+            bool(self._in_time.value),
             str(self._place.value),
         )
 
@@ -178,8 +186,10 @@ def confirm_overwrite(gui: viser.GuiApi, config: str, start: Callable[[], None])
 class AutoTune:
     """Methods are called in the loop. `show_result` is given what to show of a search."""
 
-    def __init__(self, host: ModeHost, show_result: Callable[[str], None]) -> None:
+    def __init__(self, host: ModeHost, show_result: Callable[[str], None], added_us: Callable[[], int]) -> None:
+        """`added_us` is asked for what an answer takes besides computing."""
         self._host = host
+        self._added_us = added_us
         self._show_result = show_result
         self._job = LoopJob[AutoTuneAnswer](host.later, host.report, lambda: self.panel.show_running(False))
         self._request: AutoTuneRequest | None = None
@@ -231,6 +241,7 @@ class AutoTune:
             trials=form.trials,
             seed=form.seed,
             start=state.history_of(form.method).present.a,
+            added_us=self._added_us() if form.in_time else None,
             where=self._host.services.places.flags(form.place, max(1, usable_cores() - 1)),
         )
 

@@ -21,8 +21,10 @@ PROGRESS_EVERY_S: Final = 0.1
 class CompareOverTime:
     """Methods are called in the loop."""
 
-    def __init__(self, host: ModeHost, send: Callable[[Command], None]) -> None:
+    def __init__(self, host: ModeHost, send: Callable[[Command], None], added_us: Callable[[], int]) -> None:
+        """`added_us` is asked for what an answer takes besides computing."""
         self._host = host
+        self._added_us = added_us
         self._job = LoopJob[CompareAnswer](host.later, host.report, lambda: self.panel.show_running(False))
         self._answer: CompareAnswer | None = None
         self._active, self._wanted = False, True
@@ -91,6 +93,7 @@ class CompareOverTime:
             start_us=start_us,
             end_us=end_us,
             live=state.playhead.live,
+            added_us=self._added_us(),
         )
 
         def work(progress: Progress, cancelled: Callable[[], bool]) -> CompareAnswer:

@@ -62,6 +62,8 @@ class CompareRequest:
     end_us: int
     live: bool
     """Whether the camera is live; its events are then copied first, so that every method sees the same ones."""
+    added_us: float = 0.0
+    """What an answer takes besides computing, for the score in time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,6 +157,7 @@ def run_comparison(
         against or FALLBACK,
         request.start_us,
         end_us,
+        added_us=request.added_us,
         progress=progress,
         cancelled=cancelled,
     )
@@ -190,9 +193,16 @@ def comparison_html(answer: CompareAnswer) -> str:
     agreement = answer.kind == "method"
     name = html_text(answer.reference)
     titles = ("", "shared" if agreement else "recall", "precision", "px p50 / p95", "ms p50 / p99")
+    in_time = answer.kind == "truth"
+    titles = (*titles, "live px", "age ms") if in_time else titles
     head = table_row(titles, f"text-align:left;font-weight:500;{CELL}", tag="th")
     rows = "".join(_row(one) for one in answer.methods)
     counted = f"against {name}, counted as in Score: a ball counts as found within 8 px"
+    if in_time:
+        counted += (
+            ". One delay of sensor and method is taken out of each. Live: the newest answer that a robot would have, "
+            "extrapolated with the ball's velocity, with the extra latency of the tab Score: its median error and age"
+        )
     if agreement:
         counted = (
             f"<b>agreement with {name}, not error</b>: shared is how many of its balls a method has too, "
@@ -245,14 +255,17 @@ def stretches_html(answer: CompareAnswer, method: Method, *, missed: bool) -> st
 
 
 def _row(one: ComparedMethod) -> str:
-    judged = one.judged
+    judged, in_time = one.judged, one.judged.in_time
+    delay = "" if in_time is None else f"; delay taken out: {judged.delay_us} us"
+    live = () if in_time is None else (_number(in_time.moved_median_px), _number(1e-3 * in_time.age_median_us))
     cells = (
         f"<span style='color:{method_css(one.method)}'>●</span> {html_text(one.method)}"
-        f"<br><span style='color:{theme.MUTED};white-space:normal'>{html_text(one.config)}</span>",
+        f"<br><span style='color:{theme.MUTED};white-space:normal'>{html_text(one.config + delay)}</span>",
         _ratio(judged.recall),
         _ratio(judged.precision),
         f"{_number(judged.error_at(50))} / {_number(judged.error_at(95))}",
         f"{_number(1e3 * judged.step_at(50))} / {_number(1e3 * judged.step_at(99))}",
+        *live,
     )
     return table_row(cells, CELL)
 

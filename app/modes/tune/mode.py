@@ -59,13 +59,13 @@ class TuneMode:
         gui = host.client.gui
         self._view = TuneViewPanel(gui, self._send)
         self._settings = SettingsPanel(gui, self._send)
-        self._compare = CompareOverTime(host, self._send)
+        self._compare = CompareOverTime(host, self._send, lambda: self._results.score.added_us)
         self._results = ResultsPanel(gui, lambda: host.later(self._start_score), lambda: host.later(self._score.cancel))
         self._nothing = NothingFound(
             host.pool, host.later, self._failed, lambda html: self._results.candidates.show_nothing_found(html)
         )
         self._sample: SampleRequest | None = None
-        self._auto = AutoTune(host, self._results.show_tuned)
+        self._auto = AutoTune(host, self._results.show_tuned, lambda: self._results.score.added_us)
         self._files = ConfigFilesPanel(
             gui,
             lambda name: host.later(lambda: self._save_config(name)),

@@ -11,9 +11,10 @@ import numpy as np
 from app.formatting import html_text, table_row
 from core.detection import DetectorConfig
 from core.detection.methods import Method, make_detector, method_config
-from core.metrics.compare import ClassifiedRun, MethodRun, judge_whole_run
+from core.metrics.compare import ClassifiedRun, MethodRun, judge_run, judge_whole_run, whole_reference
+from core.metrics.delay import without_delay
 from core.metrics.run import TimedDetector, run_detector
-from core.metrics.streaming import TimedRun, arrival_times, newest_answers
+from core.metrics.streaming import TimedRun, arrival_times, asked_times, newest_answers
 from core.recordings import CameraStream, PixelTruth
 
 
@@ -23,6 +24,7 @@ class RunScore:
 
     stream: CameraStream
     timed: TimedRun
+    """Its answers with one delay taken out, as in `judged`."""
     judged: ClassifiedRun
 
     def recall_in_time(self, added_us: float) -> float:
@@ -30,7 +32,7 @@ class RunScore:
         run, timed = self.judged.run, self.timed
         arrival_us = arrival_times(timed.answers.end_us, timed.step_us, added_us)
         moved = replace(run, answers=newest_answers(timed.answers, arrival_us, moved=True))
-        return judge_whole_run(moved, self.stream, timed.truth).recall
+        return judge_run(moved, whole_reference(self.stream, timed.truth)).recall
 
 
 def score_run(
@@ -48,13 +50,13 @@ def score_run(
     answers = run_detector(stream, detector, window_us, progress=progress, cancelled=cancelled)
     step_s = np.array(detector.seconds)
     judged = judge_whole_run(MethodRun(method, window_us, answers, step_s), stream, truth)
-    return RunScore(stream, TimedRun(answers, truth, 1e6 * step_s), judged)
+    return RunScore(stream, TimedRun(without_delay(answers, judged.delay_us), truth, 1e6 * step_s), judged)
 
 
 def run_scores_html(rows: list[str]) -> str:
     """The table of scores."""
     titles = (
-        *("", "precision", "recall", "median error", "p95", "found", "missed", "false"),
+        *("", "precision", "recall", "median error", "p95", "found", "missed", "false", "delay taken out"),
         *("live: age of answer", "live recall", "live error", "live error, extrapolated"),
     )
     head = table_row(titles, "text-align:left;font-weight:500", tag="th")
@@ -63,14 +65,16 @@ def run_scores_html(rows: list[str]) -> str:
         f"<table style='width:100%'>{head}{''.join(rows)}</table>"
         "Reference, as in Compare over time: the truth of the camera; Score the detector in Label takes labels. Every "
         "millisecond with the whole ball in view for 10 ms asks for a ball, "
-        "which is found within 8 px of the truth at the answer's own time. Live: the newest answer that a robot would "
+        "which is found within 8 px of the truth at the answer's own time, less one delay of sensor and "
+        "method, which is measured and taken out. Live: the newest answer that a robot would "
         "have; its median age, its median error as it is, and extrapolated with the ball's velocity.</div>"
     )
 
 
 def run_score_row(title: str, score: RunScore, added_us: float) -> str:
     """One row of the table; answers take `added_us` besides computing."""
-    judged, in_time = score.judged, score.timed.in_time(added_us)
+    judged = score.judged
+    in_time = score.timed.in_time(added_us, asked_times(score.timed.answers))
     found, asked = int(judged.found.sum()), len(judged.found)
     cells = (
         html_text(title),
@@ -81,6 +85,7 @@ def run_score_row(title: str, score: RunScore, added_us: float) -> str:
         found,
         asked - found,
         int((~judged.right).sum()),
+        f"{judged.delay_us} us",
         f"{1e-3 * in_time.age_median_us:.2f} ms" if math.isfinite(in_time.age_median_us) else "-",
         _ratio(score.recall_in_time(added_us)),
         _pixels(in_time.held_median_px),

@@ -49,6 +49,9 @@ def test_the_table_has_a_row_per_detection_with_the_columns_of_the_contract(reco
     assert (np.diff(times) > 0).all() and len(set(times % 1000)) == 1, "as long after the end of each window"
     assert all(0 <= float(row["u_px"]) < 1280 and 0 <= float(row["v_px"]) < 720 for row in rows)
     assert summary["score"]["precision"] > 0.9 and summary["score"]["recall"] > 0.9
+    fair = summary["score_without_delay"]
+    assert set(fair) == {"delay_us", *summary["score"]} and abs(fair["delay_us"]) < 150
+    assert fair["median_error_px"] <= summary["score"]["median_error_px"] + 0.02
     assert summary["method"] == "refined" and summary["camera"] == "left" and summary["window_us"] == 1000
 
 
@@ -72,6 +75,26 @@ def test_the_score_in_time_is_worse_the_later_answers_come_and_only_where_it_is_
     assert "us old and" in capsys.readouterr().out
     assert detect(recording, out, "--camera", "left", "--delay-us", "10") == 2
     assert "add --streaming" in capsys.readouterr().err
+
+
+def test_windows_end_after_events_or_motion_where_it_is_asked_for(recording, tmp_path, capsys) -> None:
+    out = tmp_path / "det.csv"
+    ask = ("--camera", "left", "--json")
+    assert detect(recording, out, *ask) == 0
+    whole = json.loads(capsys.readouterr().out)
+    assert "window_length_us" not in whole
+    assert detect(recording, out, *ask, "--window-px", "1") == 0
+    by_motion = json.loads(capsys.readouterr().out)
+    assert by_motion["windows"] > whole["windows"] and by_motion["window_px"] == 1
+    assert by_motion["window_us"] == 1000 and by_motion["window_length_us"]["p5"] < 700
+    assert by_motion["score"]["precision"] > 0.9 and by_motion["score"]["recall"] > 0.9
+    assert detect(recording, out, *ask, "--window-events", "300", "--streaming") == 0
+    by_events = json.loads(capsys.readouterr().out)
+    assert by_events["windows"] > whole["windows"] and by_events["window_events"] == 300
+    assert by_events["streaming"]["held"]["windows"] == by_events["score"]["windows"]
+    for wrong in (("--explain", "25000"), ("--out", str(out), "--method", "yolo")):
+        assert main(["detect", str(recording), "--camera", "left", "--window-px", "2", *wrong]) == 2
+        assert "--window-px" in capsys.readouterr().err
 
 
 @pytest.mark.gate

@@ -60,6 +60,18 @@ def test_the_config_is_better_than_the_one_it_started_from_and_detect_takes_it(
     assert f1[1] > f1[0]
 
 
+def test_in_time_it_says_so_and_labels_cannot_be_asked(
+    serve_recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, few = tmp_path / "a.toml", ("--trials", "2", "--method", "auto", "--parameters", NAMES, "--camera", "left")
+    asked = ("--streaming", "--delay-us", "3000")
+    assert tune(serve_recording, out, *few, *asked, "--json") == 0
+    late = json.loads(capsys.readouterr().out)
+    assert late["added_us"] == 3000 and 0 < late["start"]["tuned"]["recall"] <= 1
+    assert tune(serve_recording, out, *few, *asked, "--against", "labels", "--data", tmp_path) == 2
+    assert "--streaming" in capsys.readouterr().err
+
+
 def test_a_person_reads_both_sides_what_changed_and_whether_it_holds(
     serve_recording: Path, strict: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

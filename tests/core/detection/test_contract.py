@@ -11,6 +11,7 @@ from core.detection import Detector, DetectorConfig, FastDetector, ReferenceDete
 from core.detection.method_trace import explain_step
 from core.detection.methods import METHODS, VIEWS
 from core.detection.reasons import Reason, reasons_of
+from core.detection.window import ImageMotion, WindowRule, windows_by_rule
 from core.detection.yolo.detector import YoloDetector
 from core.events import Events, SensorSize, Window
 
@@ -50,6 +51,26 @@ def test_it_finds_a_plain_ball_and_times_its_answer_within_the_window(make, wind
     assert sum(one is not None for one in found) >= 25
     for window, one in zip(windows, found, strict=True):
         assert one is None or window.start_us <= one.t_us <= window.end_us
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_windows_of_any_length_follow_one_another(method, make_scene, make_flight) -> None:
+    """Those of 250 us, and those that end by events or by motion."""
+    scene = make_scene(make_flight(du_px_per_ms=2.5), noise_hz=5, duration_us=60_000)
+    for rule in (
+        WindowRule(longest_us=250),
+        WindowRule(longest_us=4000, events=400),
+        WindowRule(longest_us=4000, motion_px=2.0),
+    ):
+        detector, motion = make_detector(method, SENSOR), ImageMotion()
+        ends, found = [], []
+        for window in windows_by_rule(scene, 0, 60_000, rule, motion):
+            found.append(detector.step(window))
+            motion.add(found[-1])
+            ends.append(window.end_us)
+            assert found[-1] is None or abs(found[-1].t_us - window.end_us) <= 4000
+        assert ends == sorted(set(ends)) and ends[-1] > 55_000
+        assert rule.motion_px is None or any(found), "as with windows of the default length"
 
 
 def test_an_empty_window_has_no_ball_first_in_between_and_last(make, windows) -> None:

@@ -21,6 +21,7 @@ from core.metrics.compare import (
     run_method,
     truth_reference,
 )
+from core.metrics.delay import without_delay
 from core.recordings import PixelTruth, open_recording
 
 pytestmark = pytest.mark.numeric
@@ -113,7 +114,9 @@ def test_methods_are_judged_as_the_score_judges_them(stream, compared: Compariso
     for judged, config in zip(compared.judged, (DetectorConfig(), refined_config()), strict=True):
         method, window_us = judged.run.method, config.window.window_us
         answers = run_detector(stream, make_detector(method, stream.sensor, config), window_us)
-        score = score_answers(answers, stream.truth)
+        stated = score_answers(answers, stream.truth)
+        score = score_answers(without_delay(answers, judged.delay_us), stream.truth)
+        assert judged.error_at(50) < stated.median_error_px + 0.01, "a delay that is taken out makes no method worse"
         assert judged.precision == pytest.approx(score.precision)
         assert judged.error_at(50) == pytest.approx(score.median_error_px)
         assert len(judged.run.step_s) == len(answers.t_us) and 0 < judged.step_at(50) < judged.step_at(99) < 1

@@ -32,6 +32,16 @@ def test_after_a_lead_in_it_is_where_a_run_over_the_whole_recording_has_it(strea
     assert answer.lead_in_windows == 60_000 // config.window.window_us
 
 
+def test_rows_keep_the_detections_of_their_balls(stream) -> None:
+    config = refined_config()
+    whole = run_detector(stream, make_detector("refined", stream.sensor, config), 1000)
+    late = whole.rows(whole.end_us > BALL_US)
+    assert 0 < late.detected.sum() == len(late.detections) < len(whole.detections)
+    assert [one.t_us for one in late.detections] == late.t_us[late.detected].tolist()
+    picked = whole.rows(np.flatnonzero(~whole.detected)[:3])
+    assert picked.detections == () and len(picked.t_us) == 3
+
+
 def test_without_a_lead_in_refined_knows_no_ball_yet(stream) -> None:
     answer = answer_window(stream, "refined", refined_config(), BALL_US, lead_in_us=0)
     assert answer.detection is None and answer.valid_us == BALL_US and answer.lead_in_windows == 0

@@ -12,11 +12,13 @@ from hypothesis import strategies as st
 
 from core.metrics import WindowAnswers, score_answers
 from core.metrics.streaming import (
+    ASKED_EVERY_US,
     FRESH_US,
     VELOCITY_GAP_US,
     TimedRun,
     ages,
     arrival_times,
+    asked_times,
     delay_curve,
     newest_answers,
     score_in_time,
@@ -40,6 +42,35 @@ def flight(count: int, lost: set[int], late_us: list[int] | None = None) -> tupl
         grid, 20.0 + 2e-3 * grid, np.full(len(grid), 50.0), np.full(len(grid), 5.0), np.ones(len(grid), np.bool_)
     )
     return WindowAnswers(end, t, u, v.astype(np.float64), r.astype(np.float64), np.zeros(count, np.int32)), truth
+
+
+@pytest.mark.parametrize("moved", [False, True])
+def test_at_given_times_it_is_the_newest_answer_of_a_plain_loop(moved: bool) -> None:
+    answers, _ = flight(30, {4, 9, 10}, None)
+    arrival_us = arrival_times(answers.end_us, np.full(30, 130.0), 700.0)
+    asked_us = asked_times(answers)
+    assert np.unique(np.diff(asked_us)).tolist() == [ASKED_EVERY_US] and len(asked_us) > 25
+    newest = newest_answers(answers, arrival_us, moved=moved, asked_us=asked_us)
+    age_us = ages(answers, arrival_us, asked_us)
+    for row, asked in enumerate(asked_us.tolist()):
+        there = [k for k in range(30) if arrival_us[k] <= asked]
+        if not there or math.isnan(answers.u_px[there[-1]]):
+            assert math.isnan(newest.u_px[row])
+            continue
+        last = there[-1]
+        passed_us = asked - int(answers.t_us[last])
+        known = moved and any(not math.isnan(answers.u_px[k]) for k in range(last))
+        assert newest.u_px[row] == pytest.approx(answers.u_px[last] + (2e-3 * passed_us if known else 0.0))
+        assert age_us[row] == passed_us
+
+
+def test_long_windows_are_asked_between_their_answers_and_nothing_asked_gives_nothing() -> None:
+    answers, truth = flight(30, set(), [0] * 30)
+    soon_us = answers.end_us.astype(np.float64)
+    assert score_in_time(answers, truth, soon_us).age_median_us == 0.0
+    between = score_in_time(answers, truth, soon_us, asked_times(answers))
+    assert between.age_median_us == pytest.approx(500, abs=60) and between.held_median_px > 0.8
+    assert math.isnan(score_in_time(answers, truth, soon_us, np.empty(0, np.int64)).age_median_us)
 
 
 def reference(answers: WindowAnswers, arrival_us: list[float], moved: bool) -> list[tuple[float, float] | None]:

@@ -71,6 +71,18 @@ def test_longer_windows_are_not_better_for_being_longer(serve_recording: Path, r
     assert near.score(recording, longer, lambda: False).tuned.recall < 0.5
 
 
+def test_in_time_a_longer_way_to_the_robot_and_a_longer_window_are_worse(
+    serve_recording: Path, recording: Recording
+) -> None:
+    def worth(added_us: int | None, window_us: int) -> float:
+        start = replace_setting(DetectorConfig(), ("window", "window_us"), window_us)
+        asked = truth_objective(serve_recording, recording, ("left",), "auto", DetectorConfig(), added_us=added_us)
+        return objective_of(asked, recording, start)
+
+    assert worth(None, 2000) > worth(0, 2000) > worth(20_000, 2000)
+    assert worth(0, 2000) > worth(0, 4000)
+
+
 def test_it_finds_something_better_and_the_start_is_trial_0(
     found: TuningResult, objective: TruthObjective, recording: Recording
 ) -> None:

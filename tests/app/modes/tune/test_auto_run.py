@@ -14,6 +14,7 @@ from app.modes.tune.auto_run import (
     read_report,
     report_html,
     run_auto_tune,
+    tune_command,
 )
 from core.config import replace_setting
 from core.detection import DetectorConfig
@@ -54,6 +55,15 @@ def test_what_it_finds_comes_back_with_its_figures(request_: AutoTuneRequest) ->
     assert answer.report.trials == 9 and answer.report.changed == {"geometry.circularity_min": (0.9, after)}
     assert answer.report.best.tuned.objective > answer.report.start.tuned.objective
     assert dataclasses.replace(answer.config, geometry=STRICT.geometry) == STRICT
+
+
+def test_a_search_in_time_is_asked_for_with_its_latency(request_: AutoTuneRequest, tmp_path: Path) -> None:
+    def words(request: AutoTuneRequest) -> list[str]:
+        return tune_command(request, tmp_path / "a.toml", tmp_path / "b.toml")
+
+    assert "--streaming" not in words(request_)
+    asked = words(dataclasses.replace(request_, added_us=3000))
+    assert asked[asked.index("--streaming") :] == ["--streaming", "--delay-us", "3000"]
 
 
 def test_a_refusal_is_said_in_the_words_of_the_verb(request_: AutoTuneRequest) -> None:

@@ -74,6 +74,13 @@ def test_with_truth_the_curves_and_the_table_are_of_errors(stream, tmp_path: Pat
     assert shown == ["auto", "refined"]
     said = comparison_html(answer)
     assert "against the truth" in said and "agreement" not in said and "&lt;serve&gt;" in said
+    assert "delay taken out: " in said and "live px" in said
+    slower = run(dataclasses.replace(request_of(stream, tmp_path), added_us=8000.0))
+    for one, late in zip(answer.methods, slower.methods, strict=True):
+        now, then = one.judged.in_time, late.judged.in_time
+        assert now is not None and then is not None
+        assert then.age_median_us > now.age_median_us + 5000 and then.moved_median_px > now.moved_median_px
+        assert then.held_median_px > then.moved_median_px
 
 
 def test_where_nothing_is_known_it_is_agreement_with_refined_and_says_so(stream, tmp_path: Path) -> None:
@@ -81,6 +88,7 @@ def test_where_nothing_is_known_it_is_agreement_with_refined_and_says_so(stream,
     assert (answer.kind, answer.reference, answer.nothing_known) == ("method", "refined", True)
     said = comparison_html(answer)
     assert "neither truth nor labels" in said and "agreement with refined, not error" in said
+    assert answer.methods[0].judged.in_time is None and "live px" not in said
     assert "if refined is right" in stretches_html(answer, "auto", missed=True)
     assert chart_titles(answer)["error"] == "Distance from refined, px, median"
 

@@ -10,6 +10,7 @@ from app.state.config_words import config_words
 from core.config import replace_setting
 from core.detection.methods import method_config
 from core.metrics import known_truth
+from core.metrics.streaming import asked_times
 from core.recordings import open_recording
 
 
@@ -40,7 +41,13 @@ def test_score_and_compare_count_alike_and_name_the_same_config(serve_recording:
         assert score.judged.error_at(95) == compared.judged.error_at(95)
         title = config_words("auto", "B", config)
         assert title == "auto, config B (localise.radius_max_px 8.5)"
+        assert score.judged.delay_us == compared.judged.delay_us != 0
+        assert compared.judged.in_time is not None
+        assert score.timed.in_time(0.0, asked_times(score.timed.answers)).fresh == pytest.approx(
+            compared.judged.in_time.fresh, abs=0.05
+        )
         row = run_score_row(title, score, added_us=0.0)
+        assert f"{score.judged.delay_us} us" in row
         assert f"{compared.judged.recall:.3f}" in row and f"{score.judged.precision:.3f}" in row
         assert score.recall_in_time(0.0) > score.recall_in_time(200_000.0), "an answer 0.2 s late is of no use"
         assert "Compare over time" in run_scores_html([row])
