@@ -2,7 +2,8 @@
 
 Each serve is simulated once and followed by the chain that `track` runs, with all cameras and with all but one. In the
 rows `wrong NAME` that camera's pixels are replaced, after detection, by those of a point that moves elsewhere. In the
-rows `only NAME` all cameras but that one go blind for 100 ms, 80 ms after the ball came into view.
+rows `only NAME` all cameras but that one go blind for 100 ms, 80 ms after the ball came into view. The rows `half
+NAME` and `turned NAME` are those of `camera_faults`.
 """
 
 from __future__ import annotations
@@ -18,12 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.machine import describe_machine, report_rows_to
+from benchmarks.perception.camera_faults import SERVES_OF_SPEED, measure_faults
 from core.cameras import Camera, StereoRig, load_calibration
 from core.cameras.presets import CORNERS, camera_preset
 from core.chain import ChainConfig, RallyChain
 from core.chain.follow import Track, follow_recording, true_positions
 from core.detection.window import windows_side_by_side
 from core.events import Events, Window
+from core.live.live_player import LivePlayerConfig
 from core.recordings import BallTruth, Recording, open_recording
 from core.simulation import LaunchConfig, StereoConfig, simulate_recording
 from core.simulation.scenes.scene import scene_named
@@ -73,9 +76,11 @@ def run(progress: Callable[[float], None], *, rig: Path | None = None, count: in
         rows += made
     wrong = [measure_wrong(cameras, name) for name in cameras]
     alone = measure_alone(cameras, [FIRST_SEED + 90_000 + number for number in range(len(SPEEDS_MPS) * count)])
-    report_rows_to(progress, wrong + alone, 1.0)
+    faults = list(measure_faults(cameras, SPEEDS_MPS * SERVES_OF_SPEED))
+    report_rows_to(progress, wrong + alone + faults, 1.0)
     machine = describe_machine("numba", "numpy", clock="only the pace: CPU time of this process")
-    return {"rows": rows + wrong + alone, "pace": measure_pace(cameras), "machine": machine}
+    paces = {"pace": measure_pace(cameras), "live_pace": measure_pace(cameras, window_us=LivePlayerConfig().window_us)}
+    return {"rows": rows + wrong + alone + faults, **paces, "machine": machine}
 
 
 def measure_wrong(cameras: dict[str, Camera], wrong: str, points: int = WRONG_POINTS, seed: int = FIRST_SEED) -> Row:
@@ -149,32 +154,45 @@ def _alone(recording: Recording, cameras: dict[str, Camera], name: str) -> Itera
                 yield 1e-3 * (point.t_us - blind_us), error_m, point.covariance_m2
 
 
-def measure_pace(cameras: dict[str, Camera], noise_hz: float = NOISE_HZ, seed: int = FIRST_SEED) -> Row:
+def measure_pace(
+    cameras: dict[str, Camera], noise_hz: float = NOISE_HZ, seed: int = FIRST_SEED, window_us: int = WINDOW_US
+) -> Row:
     """CPU time of the chain for a millisecond of all cameras: a serve, and so many random events per pixel and second.
 
-    Of the whole process; the cameras' detectors could share it between cores.
+    Of the whole process; the cameras' detectors could share it between cores. The serve is followed twice, and the
+    second time counts: the first compiles what a prediction needs.
     """
-    rng, steps_ms, events = np.random.default_rng(seed), [], 0
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "serve.h5"
         simulate_recording(path, StereoConfig(), cameras, [LaunchConfig()], seed=seed)
         with open_recording(path) as recording:
-            chain = RallyChain(cameras)
-            for windows in windows_side_by_side(recording.cameras, 0, recording.duration_us, WINDOW_US):
-                noisy = {name: _with_noise(window, noise_hz, rng) for name, window in windows.items()}
-                events += sum(len(window.events) for window in noisy.values())
-                started_s = time.process_time()
-                chain.step(noisy)
-                steps_ms.append(1e3 * (time.process_time() - started_s) * 1000 / WINDOW_US)
+            _step_times_ms(recording, cameras, noise_hz, seed, window_us)
+            steps_ms, events = _step_times_ms(recording, cameras, noise_hz, seed, window_us)
     p50, p95 = np.percentile(steps_ms[WARM_UP:], [50, 95])
     return {
         "cameras": len(cameras),
         "noise_hz": noise_hz,
+        "window_us": window_us,
         "events_per_window": round(events / len(steps_ms)),
         "cpu_ms_per_ms": round(float(np.mean(steps_ms[WARM_UP:])), 3),
         "p50": round(float(p50), 3),
         "p95": round(float(p95), 3),
     }
+
+
+def _step_times_ms(
+    recording: Recording, cameras: dict[str, Camera], noise_hz: float, seed: int, window_us: int
+) -> tuple[list[float], int]:
+    """CPU time of each window by its length, and how many events there were."""
+    rng, chain, events = np.random.default_rng(seed), RallyChain(cameras), 0
+    steps_ms: list[float] = []
+    for windows in windows_side_by_side(recording.cameras, 0, recording.duration_us, window_us):
+        noisy = {name: _with_noise(window, noise_hz, rng) for name, window in windows.items()}
+        events += sum(len(window.events) for window in noisy.values())
+        started_s = time.process_time()
+        chain.step(noisy)
+        steps_ms.append(1e3 * (time.process_time() - started_s) * 1000 / window_us)
+    return steps_ms, events
 
 
 def _with_noise(window: Window, noise_hz: float, rng: np.random.Generator) -> Window:

@@ -21,8 +21,9 @@ Array = NDArray[np.float64]
 HIGHEST_M: Final = 0.5
 """Height of the volume above the table: as high as most balls fly."""
 FEWEST_PLACES: Final = 20
-OTHERS_FIT: Final = 0.5
-"""A camera is named if the pairs without it fit, and have drifted by less than such a share of the worst (choice)."""
+OTHERS_FIT: Final = (0.5, 0.25)
+"""A camera is named if the pairs without it fit, and have drifted by less than such a share of the worst (choice).
+The second share decides where the first leaves several: a turn along a pair's epipolar lines is hardly seen by it."""
 MAX_CAMERAS: Final = 8
 """Pairs among the first so many are looked at: 28 pairs."""
 
@@ -135,14 +136,17 @@ def _moved_camera(drifts_px: Mapping[tuple[str, str], float], fits_px: float) ->
     square. (None, 0) if the pairs without a camera fit badly too, are unknown, or fit without several cameras.
     """
     names = {name for pair in drifts_px for name in pair}
-    limit_px = min(fits_px, OTHERS_FIT * max(drifts_px.values()))
-    moved: list[tuple[str, float]] = []
-    for name in names:
-        others = [px for pair, px in drifts_px.items() if name not in pair]
-        own = [px for pair, px in drifts_px.items() if name in pair]
-        if others and len(own) > 1 and max(others) < limit_px:
-            moved.append((name, float(np.sqrt(2.0 * np.mean(np.square(own))))))
-    return moved[0] if len(moved) == 1 else (None, 0.0)
+    for share in OTHERS_FIT:
+        limit_px = min(fits_px, share * max(drifts_px.values()))
+        moved: list[tuple[str, float]] = []
+        for name in names:
+            others = [px for pair, px in drifts_px.items() if name not in pair]
+            own = [px for pair, px in drifts_px.items() if name in pair]
+            if others and len(own) > 1 and max(others) < limit_px:
+                moved.append((name, float(np.sqrt(2.0 * np.mean(np.square(own))))))
+        if len(moved) == 1:
+            return moved[0]
+    return None, 0.0
 
 
 def _volume(first: Camera, second: Camera) -> Array | None:

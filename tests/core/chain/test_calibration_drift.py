@@ -100,6 +100,19 @@ def test_one_camera_of_four_that_is_half_a_pixel_off_is_named_and_a_third_of_a_p
     assert not reports[0.3].alarm
 
 
+@pytest.mark.parametrize(("name", "axis_deg"), [("near_left", 30), ("far_left", 150)])
+def test_a_camera_is_named_though_one_of_its_pairs_hardly_sees_the_turn(name: str, axis_deg: float) -> None:
+    """Without that pair's drift, more than one camera could have been moved by the first look at the other pairs."""
+    true, noise = camera_preset("corners"), SightingNoise(sigma_px=0.2, flight_px=0.05)
+    T, angle = true[name].T_world_camera, np.deg2rad(axis_deg)
+    turn = Rotation.from_rotvec([0.0005 * np.cos(angle), 0.0005 * np.sin(angle), 0.0]).as_matrix()
+    monitor = CalibrationDrift(
+        {**true, name: replace(true[name], T_world_camera=make_transform(T[:3, :3] @ turn, T[:3, 3]))}
+    )
+    feed_serves(monitor, true, 6, np.random.default_rng(4), noise)
+    assert monitor.report.alarm and monitor.report.camera == name
+
+
 def test_no_camera_is_named_where_two_were_moved_or_none_can_be_told_apart() -> None:
     rng, true = np.random.default_rng(0), camera_preset("corners")
     moved = dict(true)
