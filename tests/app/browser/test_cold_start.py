@@ -43,17 +43,20 @@ def wait_while_it_compiles(
         def gets_on(before_s: float = before_s) -> bool:
             nonlocal done
             done = bool(until())
-            return done or worked_s(process) - before_s > WORK_S
+            return done or abs(worked_s(process) - before_s) > WORK_S
 
         eventually(gets_on, what, seen)
 
 
 def worked_s(process: subprocess.Popen) -> float:
-    """Processor time of a process; zero once it is over."""
+    """Processor time of a process and of all that it started; zero once it is over."""
+    total_s = 0.0
     with contextlib.suppress(psutil.NoSuchProcess):
-        times = psutil.Process(process.pid).cpu_times()
-        return times.user + times.system
-    return 0.0
+        one = psutil.Process(process.pid)
+        for part in (one, *one.children(recursive=True)):
+            with contextlib.suppress(psutil.NoSuchProcess):
+                total_s += sum(part.cpu_times()[:4])  # user, system, and the two of children that are over
+    return total_s
 
 
 class Started:
