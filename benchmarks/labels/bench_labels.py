@@ -43,7 +43,7 @@ OPERATIONS = 10_000
 SNAPS = 300
 RALLIES, DRAWS = 12, 9
 """Of each kind, with labels that were shifted."""
-CONTACT_RALLIES, CONTACT_SEED = 24, 1000
+CONTACT_RALLIES, CONTACT_SEED = 24, 3000
 """Rallies whose contacts are proposed. Nothing was chosen on these draws."""
 SEED = 20260
 

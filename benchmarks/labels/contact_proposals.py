@@ -5,7 +5,7 @@ find there is drawn: it misses some windows, is a little off, now and then far o
 ball that was hidden. So a rally takes a second, where events and detector take minutes; `labels contacts` does the same
 for a recording with events.
 
-    python -m benchmarks.labels.contact_proposals --rallies 40 --seed 1000 --speed 5
+    python -m benchmarks.labels.contact_proposals --rallies 24 --seed 3000 --speed 5
 """
 
 from __future__ import annotations
@@ -130,8 +130,8 @@ def _figures(rallies: Sequence[RallyContacts], kind: ContactKind | None) -> Cont
 def main() -> None:
     """Print the figures of some rallies."""
     parser = argparse.ArgumentParser(description="Contacts proposed in simulated rallies, against the truth.")
-    parser.add_argument("--rallies", type=int, default=40)
-    parser.add_argument("--seed", type=int, default=1000, help="of the first rally; the next ones count up")
+    parser.add_argument("--rallies", type=int, default=24)
+    parser.add_argument("--seed", type=int, default=3000, help="of the first rally; the next ones count up")
     parser.add_argument("--speed", type=float, default=5.0, help="m/s")
     asked = parser.parse_args()
     rallies = [simulate_contacts(asked.seed + number, asked.speed) for number in range(asked.rallies)]

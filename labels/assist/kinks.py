@@ -24,6 +24,8 @@ from core.table import GRAVITY_MPS2
 from labels.assist.flight import DRAG_PER_M
 
 Array = NDArray[np.float64]
+SIGMA_VELOCITY: Final = 50.0
+"""m/s: of a side that one camera sees, the velocity along its rays need not be known."""
 SIGMA_ACCELERATION: Final = 10.0
 """m/s^2 between a real flight and one with gravity and drag alone: the force of a fast spin."""
 MOST_STRAIN: Final = 4.0
@@ -127,6 +129,8 @@ def find_kinks(points: PathPoints, config: ContactProposalConfig) -> tuple[Kink,
     judged = _Path(whole, config)
     hidden = [t_us for t_us in _times_to_try(points, config.hidden_gap_us) if judged.near(t_us, clear) is None]
     found = _search(_Path(points, config, hidden=True), hidden, clear)
+    for side in (+1, -1):
+        found += _search(_Path(points, config, hidden=True, alone=side), hidden, (*clear, *found))
     return tuple(sorted((*clear, *found), key=lambda kink: kink.t_us))
 
 
@@ -212,6 +216,9 @@ class _Path:
     config: ContactProposalConfig
     hidden: bool = False
     """For contacts next to which the ball is not seen by two cameras."""
+    alone: int = 0
+    """-1 or +1: the side of a contact that one camera sees, up to another hidden contact; only points near to it count,
+    and the other side tells the place. 0: both sides are seen by two cameras, if farther away."""
 
     def believes(self, kink: Kink) -> bool:
         """Whether it is of two flights that do meet: of two balls no common path is found."""
@@ -242,6 +249,12 @@ class _Path:
             broken = np.flatnonzero(np.diff(away_us, prepend=0.0) > gap_us)
             own = own[: broken[0]] if len(broken) else own
             count = np.cumsum(points.whole[own])
+            if side == self.alone:
+                close = own[away_us[: len(own)] <= config.reach_us]
+                if not points.whole[close].sum() < config.least_points <= len(close) / 2:
+                    return None
+                kept.append(close)
+                continue
             if not len(own) or count[-1] < config.least_points:
                 return None
             # No farther than is needed: a parabola is a flight only so long.
@@ -276,6 +289,7 @@ class _Problem:
         right = design.T @ pulled
         right[9:] += self.acceleration.ravel() / SIGMA_ACCELERATION**2
         matrix = design.T @ design
+        matrix[np.arange(3, 9), np.arange(3, 9)] += 1 / SIGMA_VELOCITY**2
         matrix[np.arange(9, 15), np.arange(9, 15)] += 1 / SIGMA_ACCELERATION**2
         values = np.linalg.solve(matrix, right)
         off = design @ values - pulled
@@ -287,8 +301,9 @@ def _problem(points: PathPoints, contact_us: float, sigma_px: float) -> _Problem
     sides = (points.t_us < contact_us, points.t_us > contact_us)
     expected = []
     for side in sides:
-        t = points.t_us[side & points.whole] * 1e-6
-        v = np.polyfit(t - t.mean(), points.p_world_m[side & points.whole], 1)[0]
+        known = side & points.whole if (side & points.whole).sum() >= 2 else side
+        t = points.t_us[known] * 1e-6
+        v = np.polyfit(t - t.mean(), points.p_world_m[known], 1)[0]
         expected.append(np.array([0, 0, -GRAVITY_MPS2]) - DRAG_PER_M * np.linalg.norm(v) * v)
     return _Problem(points, points.p_world_m.mean(axis=0), np.array(expected), sigma_px)
 
@@ -313,7 +328,7 @@ def _without_outliers(points: PathPoints, contact_us: float) -> PathPoints:
     misses = _misses_px(problem, contact_us)
     kept = misses < max(5 * float(np.median(misses)) / 1.54, 0.5)
     sides = points.t_us < contact_us, points.t_us > contact_us
-    enough = all((kept & side & points.whole).sum() >= 4 and 3 * kept[side].sum() >= 2 * side.sum() for side in sides)
+    enough = all((kept & side).sum() >= 4 and 3 * kept[side].sum() >= 2 * side.sum() for side in sides)
     return points.rows(kept) if enough else points
 
 

@@ -96,6 +96,17 @@ def test_a_contact_that_a_camera_or_both_do_not_see_is_where_the_flights_meet(
     assert score_contacts(found, true_contacts(rally))[0].precision == 1
 
 
+def test_a_bounce_and_the_next_hit_are_found_though_one_camera_sees_neither(rally: FlightSeries) -> None:
+    left, right = detected(rally, np.random.default_rng(11))
+    bounce, hit = true_contacts(rally)[:2]
+    middle_us = (bounce.t_us + hit.t_us) // 2
+    hidden = without(right, middle_us, middle_us - bounce.t_us + 60_000)
+    found = propose_contacts(list(CAMERAS.values()), (left, hidden))
+    near = [contact for contact in found if abs(contact.t_us - middle_us) < 200_000]
+    assert [contact.kind for contact in near] == [ContactKind.BOUNCE, ContactKind.HIT]
+    assert all(abs(one.t_us - other.t_us) < 1_000 for one, other in zip(near, (bounce, hit), strict=True))
+
+
 def test_two_balls_whose_flights_do_not_meet_have_no_contact(rally: FlightSeries) -> None:
     parts = detected(rally, np.random.default_rng(11))
     hit = next(contact for contact in seen_contacts(rally, parts) if contact.kind is ContactKind.HIT)
