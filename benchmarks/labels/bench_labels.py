@@ -20,6 +20,7 @@ from benchmarks.labels.assistance import (
     try_snap,
     try_stereo_flags,
 )
+from benchmarks.labels.contact_proposals import figures_of, simulate_contacts
 from benchmarks.labels.durability import (
     kill_while_labelling,
     open_cpu_seconds,
@@ -42,14 +43,16 @@ OPERATIONS = 10_000
 SNAPS = 300
 RALLIES, DRAWS = 12, 9
 """Of each kind, with labels that were shifted."""
+CONTACT_RALLIES, CONTACT_SEED = 24, 3000
+"""Rallies whose contacts are proposed. Nothing was chosen on these draws."""
 SEED = 20260
 
 
 def run(progress: Callable[[float], None]) -> dict[str, object]:
     """Every figure: what it is, its goal, what was measured, and whether that is enough."""
     rows: list[Row] = []
-    parts = (_durability, _shared_folder, _undo, _snapping, _interpolation, _stereo, _queue, _shifts, _scale)
-    weights = np.cumsum([0.2, 0.05, 0.1, 0.1, 0.1, 0.02, 0.03, 0.15, 0.25])
+    parts = (_durability, _shared_folder, _undo, _snapping, _interpolation, _stereo, _queue, _shifts, _contacts, _scale)
+    weights = np.cumsum([0.2, 0.05, 0.1, 0.1, 0.1, 0.02, 0.03, 0.13, 0.04, 0.23])
     with tempfile.TemporaryDirectory(prefix="rallyscope-labels-") as folder:
         for number, part in enumerate(parts):
             found = part(Path(folder) / part.__name__.strip("_"), np.random.default_rng(SEED + number))
@@ -173,6 +176,15 @@ def _queue(folder: Path, rng: np.random.Generator) -> list[Row]:
         note = f"{trial.injected} among {trial.labels}"
         rows.append(goal_row(what, trial.in_first_tenth, 0.9, "", least=True, note=note))
     return rows
+
+
+def _contacts(folder: Path, rng: np.random.Generator) -> list[Row]:
+    figures = figures_of([simulate_contacts(CONTACT_SEED + number) for number in range(CONTACT_RALLIES)])[0]
+    note = f"{figures.found} of {figures.true}; {figures.false} false; p95 {figures.p95_ms:.2f} ms"
+    return [
+        goal_row("contacts of rallies proposed", figures.found / figures.true, 0.98, "", least=True, note=note),
+        goal_row("time error of proposed contacts, median", figures.median_ms, 0.3, "ms"),
+    ]
 
 
 def _shifts(folder: Path, rng: np.random.Generator) -> list[Row]:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,8 +15,8 @@ from core.simulation.flights import FlightSeries, LaunchConfig
 from core.simulation.scenes.scene import SceneConfig
 from core.simulation.truth import ball_truth, pixel_truths, truth_times
 from labels.assist.contact_proposals import propose_contacts
-from labels.assist.propose import Proposals
-from labels.contacts import contacts_of_truth, score_contacts
+from labels.assist.propose import Proposals, joined_proposals
+from labels.contacts import contacts_of_truth, match_contacts, score_contacts
 from labels.model import ContactKind, ContactLabel
 
 CAMERAS: Mapping[str, Camera] = stereo_preset("side")
@@ -46,6 +47,11 @@ def _found(truth: PixelTruth, rng: np.random.Generator, sigma_px: float) -> Prop
     return Proposals(truth.t_us[kept], x, y, truth.r_px[kept], np.full((count, 3), np.nan), WINDOW_US, "trial#1")
 
 
+def true_contacts(path: FlightSeries) -> tuple[ContactLabel, ...]:
+    """All of them."""
+    return contacts_of_truth(ball_truth(path, truth_times(path, 0, END_US)))
+
+
 def seen_contacts(path: FlightSeries, parts: tuple[Proposals, ...]) -> list[ContactLabel]:
     """The true ones with six positions of each camera within 40 ms on either side."""
 
@@ -53,8 +59,7 @@ def seen_contacts(path: FlightSeries, parts: tuple[Proposals, ...]) -> list[Cont
         spans = ((t_us - 40_000, t_us), (t_us, t_us + 40_000))
         return all(((part.t_us > a) & (part.t_us < b)).sum() >= 6 for part in parts for a, b in spans)
 
-    truth = contacts_of_truth(ball_truth(path, truth_times(path, 0, END_US)))
-    return [contact for contact in truth if known(contact.t_us)]
+    return [contact for contact in true_contacts(path) if known(contact.t_us)]
 
 
 def test_every_bounce_and_hit_of_a_rally_is_proposed_within_a_third_of_a_millisecond(rally: FlightSeries) -> None:
@@ -63,16 +68,65 @@ def test_every_bounce_and_hit_of_a_rally_is_proposed_within_a_third_of_a_millise
     assert {contact.kind for contact in real} == {ContactKind.BOUNCE, ContactKind.HIT}
     found = propose_contacts(list(CAMERAS.values()), parts)
     scores = score_contacts(found, real)
-    assert all(score.recall == 1 for score in scores) and scores[0].precision == 1
+    assert all(score.recall == 1 for score in scores)
+    assert score_contacts(found, true_contacts(rally))[0].precision == 1, "those that are hidden are true, too"
     assert scores[0].time.median_us < 300
     assert all(contact.sigma_us and contact.provenance.detector == "trial#1" for contact in found)
-    off = [abs(one.t_us - other.t_us) / (one.sigma_us or 1) for one, other in zip(found, real, strict=True)]
+    pairs = [(found[row], real[other]) for row, other in match_contacts(found, real)]
+    off = [abs(one.t_us - other.t_us) / (one.sigma_us or 1) for one, other in pairs]
     assert np.median(off) < 1.5 and max(one.sigma_us or 0 for one in found) < 1000, "errors are as large as stated"
+
+
+def without(part: Proposals, t_us: int, reach_us: int) -> Proposals:
+    """What is left where the ball is hidden from a camera round a time."""
+    return part.rows(np.abs(part.t_us - t_us) > reach_us)
+
+
+@pytest.mark.parametrize("hidden_us", [(0, 120_000), (20_000, 100_000), (25_000, 25_000)])
+def test_a_contact_that_a_camera_or_both_do_not_see_is_where_the_flights_meet(
+    rally: FlightSeries, hidden_us: tuple[int, int]
+) -> None:
+    parts = detected(rally, np.random.default_rng(11))
+    hit = next(contact for contact in seen_contacts(rally, parts) if contact.kind is ContactKind.HIT)
+    left, right = (without(part, hit.t_us, reach_us) for part, reach_us in zip(parts, hidden_us, strict=True))
+    found = propose_contacts(list(CAMERAS.values()), (left, right))
+    (near,) = [contact for contact in found if abs(contact.t_us - hit.t_us) < 10_000]
+    assert near.kind is ContactKind.HIT
+    assert abs(near.t_us - hit.t_us) < max(3 * (near.sigma_us or 0), 500) < 4_000
+    assert score_contacts(found, true_contacts(rally))[0].precision == 1
+
+
+def test_a_bounce_and_the_next_hit_are_found_though_one_camera_sees_neither(rally: FlightSeries) -> None:
+    left, right = detected(rally, np.random.default_rng(11))
+    bounce, hit = true_contacts(rally)[:2]
+    middle_us = (bounce.t_us + hit.t_us) // 2
+    hidden = without(right, middle_us, middle_us - bounce.t_us + 60_000)
+    found = propose_contacts(list(CAMERAS.values()), (left, hidden))
+    near = [contact for contact in found if abs(contact.t_us - middle_us) < 200_000]
+    assert [contact.kind for contact in near] == [ContactKind.BOUNCE, ContactKind.HIT]
+    assert all(abs(one.t_us - other.t_us) < 1_000 for one, other in zip(near, (bounce, hit), strict=True))
+
+
+def test_two_balls_whose_flights_do_not_meet_have_no_contact(rally: FlightSeries) -> None:
+    parts = detected(rally, np.random.default_rng(11))
+    hit = next(contact for contact in seen_contacts(rally, parts) if contact.kind is ContactKind.HIT)
+    # The second ball flies as the first would have half a second later, far from where it is hidden.
+    moved = tuple(
+        joined_proposals(part.between(0, hit.t_us - 30_000), shifted(part.between(hit.t_us + 180_000, END_US), 150_000))
+        for part in parts
+    )
+    found = propose_contacts(list(CAMERAS.values()), moved)
+    assert not [contact for contact in found if abs(contact.t_us - hit.t_us) < 40_000]
+
+
+def shifted(part: Proposals, by_us: int) -> Proposals:
+    """The same so much earlier."""
+    return replace(part, t_us=part.t_us - by_us)
 
 
 def test_a_flight_without_a_contact_has_none(rally: FlightSeries) -> None:
     parts = detected(rally, np.random.default_rng(11))
-    times = [contact.t_us for contact in contacts_of_truth(ball_truth(rally, truth_times(rally, 0, END_US)))]
+    times = [contact.t_us for contact in true_contacts(rally)]
     longest = int(np.argmax(np.diff(times)))
     free = tuple(part.between(times[longest] + 4_000, times[longest + 1] - 4_000) for part in parts)
     assert propose_contacts(list(CAMERAS.values()), free) == ()
