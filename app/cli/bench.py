@@ -48,7 +48,7 @@ CHECKOUT: Final = Path(__file__).parents[2]
 
 OPTIONS = (
     "count", "seeds", "trials", "folder", "report", "chain", "balls", "speeds", "physics", "only", "recorded", "data",
-    "annotator", "soak", "rig", "cameras", "hit",
+    "annotator", "soak", "rig", "cameras", "hit", "latency",
 )  # fmt: skip
 """That only some of them have."""
 
@@ -79,6 +79,7 @@ class BenchArguments:
     speeds: Numbers | None = flag("of the serves (rally)", "MPS,MPS...", "3 to 9")
     physics: Literal["paper", "real"] | None = flag("of the balls (rally, outcomes)", "paper|real", "paper; both")
     hit: Literal["chosen", "paper"] | None = flag("where balls are met (rally)", "chosen|paper", "paper")
+    latency: bool = flag("and where the time of live commands goes, without and with a browser (rally)")
     soak: PositiveFloat | None = flag("under load for so long (app)", "MINUTES")
     only: str | None = flag(
         "return, page, pace or cameras (app); a row (robustness); real-balls (learning); "
@@ -126,7 +127,7 @@ def requested_bench(arguments: BenchArguments) -> tuple[Callable[..., dict[str, 
     if arguments.recorded is not None:
         name = OWN_RECORDINGS.get(arguments.name, name)
     module = load_from_checkout(name)
-    options: dict[str, object] = given({name: getattr(arguments, name) for name in OPTIONS})
+    options: dict[str, object] = given({name: getattr(arguments, name) or None for name in OPTIONS})
     taken = inspect.signature(module.run).parameters.keys()
     asked = given({"jobs": arguments.engine.jobs, "cluster": arguments.engine.cluster})
     for option in [*(options.keys() - taken), *([] if "engine" in taken else asked)]:
