@@ -394,6 +394,6 @@ def watch_status(bench: Bench) -> Arrays:
             moment = following.history.at(t_us, places)
             arrays |= text_columns(f"at {t_us}", moment_html(moment, 15.0, following.share))
     span = SimpleNamespace(p50_ms=0.2, p99_ms=1.0)
-    health = SimpleNamespace(state_hz=400.0, step=span, window_to_sent=span, blocks_dropped=2)
+    health = SimpleNamespace(state_hz=400.0, step=span, window_to_sent=span, blocks_dropped=2, stages=())
     snapshot = SimpleNamespace(health=health, controller="built-in", problem="<none>", learned=None)
     return arrays | text_columns("live", live_html(snapshot, live_state(), "lost"))  # type: ignore[arg-type]

@@ -48,7 +48,7 @@ CHECKOUT: Final = Path(__file__).parents[2]
 
 OPTIONS = (
     "count", "seeds", "trials", "folder", "report", "chain", "balls", "speeds", "physics", "only", "recorded", "data",
-    "annotator", "soak", "rig", "cameras", "hit", "seed", "unknown", "elevation_spread",
+    "annotator", "soak", "rig", "cameras", "hit", "seed", "unknown", "elevation_spread", "latency",
 )  # fmt: skip
 """That only some of them have."""
 
@@ -84,6 +84,7 @@ class BenchArguments:
         "serves up to so much flatter and steeper than the standard ones, 10 at most (rally)", "DEG", "0"
     )
     seed: int | None = flag("of the serves (rally)", "N", "2026")
+    latency: bool = flag("and where the time of live commands goes, without and with a browser (rally)")
     soak: PositiveFloat | None = flag("under load for so long (app)", "MINUTES")
     only: str | None = flag(
         "return, page, pace or cameras (app); a row (robustness); real-balls (learning); "

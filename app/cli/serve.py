@@ -28,6 +28,7 @@ from core.chain.config import HIT_RULES, PREDICTIONS, HitRule, PredictionName
 from core.detection.saved import load_detector
 from core.errors import CommandError
 from core.live.link.guard import ClientKeys, check_reach, read_client_keys, split_address
+from core.live.urgency import shorten_turns
 from core.physics.config import PhysicsConfig, Profile, physics_profile
 from core.registry import discover_plugins
 
@@ -95,6 +96,7 @@ class ServeArguments:
 
 def run(arguments: ServeArguments) -> None:
     """Serve until interrupted."""
+    shorten_turns()
     discover_plugins()  # what is wrong with one is said here, and not to a browser
     source = _check_source(arguments.source, arguments.recording)
     constants = given_constants(arguments.constants, arguments.physics)

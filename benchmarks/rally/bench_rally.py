@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from benchmarks.machine import describe_machine, machine_words, report_rows_to, two_digits
 from benchmarks.rally.closed_loop import ClosedLoop, PlayedBall
+from benchmarks.rally.hit_point import HIT_POINT, LEAD_TITLES, hit_cells, hit_point_rows, newest_hit_errors_mm
 from core.cameras import stereo_preset
 from core.cameras.presets import SENSOR_720
 from core.chain.config import ChainConfig, HitRule, published_chain
@@ -41,6 +42,7 @@ from core.physics.task import STAGE_SPEEDS_MPS, TaskConfig, task_profile
 from core.recordings import BallTruth
 from core.simulation.episodes import draw_serves
 from core.text import markdown_table
+from core.trajectory.prediction import HitPlane
 
 CHAIN_NAMES: Final = {
     "filter": "the live rally's: detector `refined`, every point counts",
@@ -62,7 +64,13 @@ TITLES: Final = (
 
 
 def write_rally_report(
-    rows: Sequence[Mapping[str, object]], machine: Mapping[str, object], seed: int, physics: str, *, unknown: bool
+    rows: Sequence[Mapping[str, object]],
+    machine: Mapping[str, object],
+    seed: int,
+    physics: str,
+    hit_points: Sequence[Mapping[str, object]] = (),
+    *,
+    unknown: bool,
 ) -> str:
     """The page as Markdown."""
     knowledge = "learn air and table from ball to ball" if unknown else "are `told` the physics exactly"
@@ -77,6 +85,9 @@ def write_rally_report(
         if mine:
             table = markdown_table(TITLES, [_cells(row) for row in mine]).rstrip()
             parts += [f"## `{chain}`", f"{words[0].upper()}{words[1:]}.", table]
+            leads = [one for one in hit_points if one["chain"] == chain]
+            if leads:
+                parts += [HIT_POINT, markdown_table(("serve m/s", *LEAD_TITLES), hit_cells(leads)).rstrip()]
     return "\n\n".join(parts) + "\n"
 
 
@@ -150,6 +161,9 @@ POINT_SIGMA_M: Final = 0.0008
 """Of the chain `points`: worse than two cameras of 1280x720, whose points are 0.4 mm off (median; p95 1.1 mm)."""
 WRONG_M: Final = 0.02
 """A ball farther than its radius from where it was expected was predicted wrong."""
+LATENCY_TURNS: Final = 3
+LATENCY_TURN_S: Final = 12.0
+"""Of each setting with `latency`, each time."""
 
 
 @dataclass(slots=True)
@@ -160,10 +174,16 @@ class Watched:
     ps_world_m: list[Array] = field(default_factory=list)
     truth: list[BallTruth] = field(default_factory=list)
     step_s: list[float] = field(default_factory=list)
+    told: list[tuple[int, HitPlane]] = field(default_factory=list)
+    """When each hit point was known, at the end of its block, and the point."""
 
     def on_progress(self, block: Block, states: list[PlayerState]) -> None:
         """A block and its steps."""
         self.truth.append(block.ball)
+        for state in states:
+            found = state.chain.prediction
+            if state.chain.is_new and found is not None and found.hit_plane is not None:
+                self.told.append((block.end_us, found.hit_plane))
         for state in states:
             self.step_s.append(state.chain.seconds.total + state.control_s)
             if state.chain.point is not None:
@@ -174,10 +194,13 @@ class Watched:
         """(N,) distance of every point from the truth; points without a true ball are left out."""
         if not self.t_us:
             return np.empty(0)
-        names = ("t_us", "p_world_m", "v_world_mps", "spin_radps", "visible")
-        whole = BallTruth(*(np.concatenate([getattr(part, name) for part in self.truth]) for name in names))
-        errors = np.linalg.norm(np.array(self.ps_world_m) - true_positions(whole, self.t_us), axis=1)
+        errors = np.linalg.norm(np.array(self.ps_world_m) - true_positions(self.whole_truth(), self.t_us), axis=1)
         return errors[np.isfinite(errors)]
+
+    def whole_truth(self) -> BallTruth:
+        """The true ball of all blocks."""
+        names = ("t_us", "p_world_m", "v_world_mps", "spin_radps", "visible")
+        return BallTruth(*(np.concatenate([getattr(part, name) for part in self.truth]) for name in names))
 
 
 def chain_named(name: Literal["filter", "fit", "paper", "auto", "points"]) -> ChainConfig:
@@ -207,6 +230,7 @@ def run(
     elevation_spread: float = 0.0,
     seed: int = SEED,
     report: Path | None = None,
+    latency: bool = False,
 ) -> dict[str, object]:
     """A row per chain and speed, and the machine; by default three chains.
 
@@ -221,10 +245,12 @@ def run(
         elevation_spread: half the range of the serves' elevation about the standard one, degrees.
         seed: of the serves.
         report: a page for the rows.
+        latency: adds where the time of the live rally's commands goes.
     """
     chains: tuple[ChainName, ...] = CHAINS if chain is None else (chain,)
     cases: list[tuple[ChainName, float]] = [(name, speed) for name in chains for speed in speeds]
     rows: list[dict[str, object]] = []
+    hit_points: list[dict[str, object]] = []
     for name, speed in cases:
         task = task_profile(physics)
         task = replace(task, serve=replace(task.serve, elevation_spread_deg=elevation_spread))
@@ -242,14 +268,22 @@ def run(
                 unknown=unknown,
                 point_sigma_m=POINT_SIGMA_M if name == "points" else None,
             )
+        points = row.pop("hit_point", [])
+        assert isinstance(points, list)
+        hit_points += [{"chain": name, "speed_mps": speed} | one for one in points]
         rows.append({"chain": name} | row)
         report_rows_to(progress, rows[-1:], len(rows) / len(cases))
     clock = "wall time per step of chain and controller; `chain_cores` is time of steps per simulated time"
     machine = describe_machine("numba", "numpy", "mujoco", clock=clock)
     if report is not None:
-        page = write_rally_report(rows, machine, seed, physics, unknown=unknown)
+        page = write_rally_report(rows, machine, seed, physics, hit_points, unknown=unknown)
         replace_file(report, page.encode(), durable=False)
-    return {"rows": rows, "machine": machine}
+    found: dict[str, object] = {"rows": rows, "machine": machine, "hit_point": hit_points}
+    if latency:
+        from benchmarks.rally.latency import measure_latency  # late: the app and a browser
+
+        found["latency"] = measure_latency(LATENCY_TURNS, LATENCY_TURN_S)
+    return found
 
 
 def measure_rally(
@@ -295,6 +329,7 @@ def measure_rally(
         **_returns(played, BuiltInController(world.task).goal_m),
         **_errors(watched),
         **_times(watched),
+        "hit_point": hit_point_rows([newest_hit_errors_mm(one.told, one.whole_truth()) for one in watched]),
         "wall_s_per_ball": (time.perf_counter() - began_s) / balls,
         "lost": dict(Counter(cause_of_loss(ball) for ball in played if not ball.returned)),
     }

@@ -30,7 +30,7 @@ CONSTANTS: dict[str, dict[str, object]] = {
         "RALLIES": 2, "DRAWS": 2,
     },
     "prediction": {"PER_SPEED": 2},
-    "rally": {},
+    "rally": {"LATENCY_TURNS": 1, "LATENCY_TURN_S": 1.0},
     "rig": {},
     "slow-receptors": {"CUTOFFS_HZ": (300.0,)},
 }  # fmt: skip

@@ -23,7 +23,8 @@ from core.chain.control.player import PlayerState
 from core.errors import LinkError
 from core.live.link import messages as m
 from core.live.link.live_source import LiveSource, Robot
-from core.live.live_snapshot import FinishedBall, LiveMeter, RacketPose, RallySnapshot, TrueBall
+from core.live.live_snapshot import STAGES, FinishedBall, LiveMeter, RacketPose, RallySnapshot, TrueBall
+from core.live.urgency import go_first
 from core.physics.episode import Case
 from core.trajectory import Prediction
 from core.trajectory.learned_constants import LearnedConstants
@@ -169,6 +170,25 @@ class QueuedCommand(NamedTuple):
     """End of its window on the monotonic clock, s; NaN if unknown, as while the simulation is stepped."""
     arrived_s: float
     """Arrival of the block on the monotonic clock, s."""
+    decode_s: float = float("nan")
+    """Time of reading the events of its block; NaN if unknown."""
+    step: PlayerState | None = None
+    """The step that decided it, with the times of its stages."""
+    put_s: float = float("nan")
+    """When it was handed over, on the monotonic clock, s."""
+
+    def stages_ms(self, sent_s: float, answered_s: float) -> tuple[float, ...]:
+        """A duration for each of `STAGES`, ms; NaN where it is unknown. The times are on the monotonic clock, s."""
+        if self.step is None:
+            return (float("nan"),) * len(STAGES)
+        took = self.step.chain.seconds
+        computed_s = took.total + self.step.control_s
+        queue_s = self.put_s - self.arrived_s - self.decode_s - computed_s
+        seconds = (
+            *(self.arrived_s - self.window_s, queue_s, self.decode_s, took.detect, took.triangulate, took.predict),
+            *(self.step.control_s, sent_s - self.put_s, answered_s - sent_s),
+        )
+        return tuple(1e3 * one for one in seconds)
 
 
 class CommandSender:
@@ -208,6 +228,7 @@ class CommandSender:
         self._thread.join()
 
     def _run(self) -> None:
+        go_first()
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._stop or self._order is not None)
@@ -234,6 +255,7 @@ class CommandSender:
             meter.last_refusal = str(error)
             logger.info("racket target not taken: %s", error)
             return
+        meter.command_stages_ms.append(order.stages_ms(sent_s, time.monotonic()))
         meter.sent += 1
         meter.arrival_to_sent_ms.append(1e3 * (sent_s - order.arrived_s))
         if order.window_s == order.window_s:

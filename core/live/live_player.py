@@ -27,6 +27,7 @@ from core.live.link import messages as m
 from core.live.link.live_source import LimitedRobot, LiveSource
 from core.live.live_flight import CommandSender, LiveFlight, QueuedCommand
 from core.live.live_snapshot import FinishedBall, LiveMeter, RallySnapshot
+from core.live.urgency import go_first
 from core.live.warm_up import load_strokes, warm_up
 from core.physics.config import PhysicsConfig
 from core.simulation.event_cameras.event_camera import BLOCK_US
@@ -118,6 +119,11 @@ class LivePlayer:
     def snapshot(self) -> RallySnapshot:
         """Newest snapshot; there is one per block, a hundred per simulated second."""
         return self._snapshot
+
+    @property
+    def meter(self) -> LiveMeter:
+        """Counters of this session; the benchmarks read them."""
+        return self._meter
 
     @property
     def controller(self) -> LiveController:
@@ -252,6 +258,7 @@ class LivePlayer:
     # The player's own thread.
 
     def _run(self) -> None:
+        go_first()
         self._warm_up()
         self._source.add_listener(self)
         while True:
@@ -342,6 +349,7 @@ class LivePlayer:
         self._inform_of_racket(player)
         if self._latency is not None:
             player.lead_by(self._latency)
+        began_s = time.monotonic()
         try:
             events = {batch.camera: batch.events() for batch in block.batches if batch.camera in self._cameras}
         except LinkError as error:
@@ -349,8 +357,9 @@ class LivePlayer:
                 self._meter.dropped += 1
             self._problem = str(error)
             return
+        decode_s = time.monotonic() - began_s
         for windows in block_windows(events, state.start_us, state.t_us, self._config.window_us) if events else ():
-            self._follow(player.step(windows), block)
+            self._follow(player.step(windows), block, decode_s)
         self._meter.note_block()
 
     def _inform_of_racket(self, player: Player) -> None:
@@ -360,24 +369,26 @@ class LivePlayer:
         racket = self._flight.racket
         player.rest_m = None if racket is None else racket.p_world_m
 
-    def _follow(self, state: PlayerState, block: _ReceivedBlock) -> None:
+    def _follow(self, state: PlayerState, block: _ReceivedBlock, decode_s: float) -> None:
         self._meter.note_step(state.chain.seconds.total + state.control_s)
         playing = self._playing
         decision = self._flight.follow(state, playing=playing)
         if decision is not None and playing and self._sender is not None:
-            self._sender.put(self._order(decision, block))
+            self._sender.put(self._order(decision, block, state, decode_s))
         for listener in self._step_listeners:
             listener(self._session, state, decision)
         if state.chain.is_new:
             for listener in self._listeners:
                 listener(self._session, state, decision if playing else None)
 
-    def _order(self, decision: RacketDecision, block: _ReceivedBlock) -> QueuedCommand:
+    def _order(
+        self, decision: RacketDecision, block: _ReceivedBlock, step: PlayerState, decode_s: float
+    ) -> QueuedCommand:
         state = block.state
         speed = state.speed_factor * state.kept_share
         rest_s = (state.t_us - decision.t_us) * 1e-6 / speed if speed else 0.0
         window_s = float("nan") if state.paused else block.arrived_s - block.late_s - rest_s
-        return QueuedCommand(self._session, decision, window_s, block.arrived_s)
+        return QueuedCommand(self._session, decision, window_s, block.arrived_s, decode_s, step, time.monotonic())
 
     def _publish(self) -> None:
         learned = None if self._player is None else self._player.chain.learned

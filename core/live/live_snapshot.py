@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -78,6 +79,23 @@ class Percentiles:
     p99_ms: float
 
 
+STAGES: Final = ("window", "queue", "decode", "detect", "stereo", "filter", "solve", "send", "robot")
+"""The way of a command, in its order: from the end of its window to the arrival of its block (the rest of the block,
+and the link), waiting for the player (earlier windows of the block among it), events from the message, detectors of all
+cameras, triangulation, filter and prediction, controller, waiting in the thread that sends (for the answer to the
+command before, too), the robot's answer."""
+
+
+@dataclass(frozen=True, slots=True)
+class StageLatency:
+    """How long a stage took, over the last few hundred commands, ms."""
+
+    name: str
+    p50_ms: float
+    p99_ms: float
+    worst_ms: float
+
+
 @dataclass(frozen=True, slots=True)
 class PlayerHealth:
     """Performance of the player, over the last two seconds unless stated otherwise."""
@@ -100,6 +118,8 @@ class PlayerHealth:
     """Number of blocks processed."""
     blocks_dropped: int
     """Blocks dropped because the player was too slow, or lost in transit."""
+    stages: tuple[StageLatency, ...] = ()
+    """Where the time of commands went: each of `STAGES`; empty before the first command."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,6 +181,17 @@ def percentiles(values_ms: deque[float]) -> Percentiles:
     return Percentiles(float(p50), float(p99))
 
 
+def stage_latencies(commands: Sequence[Sequence[float]]) -> tuple[StageLatency, ...]:
+    """Percentiles of each of `STAGES` over commands, each a duration in ms for every stage; nan counts as unknown."""
+    found: list[StageLatency] = []
+    for name, column in zip(STAGES, np.array(commands, np.float64).reshape(-1, len(STAGES)).T, strict=True):
+        known = column[np.isfinite(column)]
+        if len(known):
+            p50, p99 = np.percentile(known, (50, 99)).tolist()
+            found.append(StageLatency(name, p50, p99, float(known.max())))
+    return tuple(found)
+
+
 class LiveMeter:
     """Counters, each written by one thread; slightly late reads are harmless."""
 
@@ -168,6 +199,8 @@ class LiveMeter:
         self._step_ms: deque[float] = deque(maxlen=SAMPLES)
         self.arrival_to_sent_ms: deque[float] = deque(maxlen=SAMPLES)
         self.window_to_sent_ms: deque[float] = deque(maxlen=SAMPLES)
+        self.command_stages_ms: deque[tuple[float, ...]] = deque(maxlen=SAMPLES)
+        """A duration for each of `STAGES`, of each command that the robot took."""
         self.sent = self.blocks = self.dropped = 0
         self.last_refusal = ""
         self._steps = 0
@@ -210,5 +243,6 @@ class LiveMeter:
             last_refusal=self.last_refusal,
             blocks=self.blocks,
             blocks_dropped=self.dropped,
+            stages=stage_latencies(self.command_stages_ms.copy()),
         )
         return self._health

@@ -104,7 +104,7 @@ def arrival_times(end_us: Times, step_us: Array, added_us: float = 0.0) -> Array
 def asked_times(answers: WindowAnswers) -> Times:
     """Evenly spaced times while a detector ran, us: a method with long windows is asked between its answers, too."""
     ends = answers.end_us
-    return np.arange(ends[0], ends[-1], ASKED_EVERY_US, np.int64) if len(ends) else ends
+    return np.arange(int(ends[0]), int(ends[-1]), ASKED_EVERY_US, dtype=np.int64) if len(ends) else ends
 
 
 def rows_at(arrival_us: Array, asked_us: Times) -> NDArray[np.intp]:

@@ -202,7 +202,7 @@ class TruthObjective:
             if cancelled():
                 raise TuningStoppedError
             if self.added_us is not None:
-                arrival_us = answers.end_us + float(self.added_us)
+                arrival_us = answers.end_us.astype(np.float64) + self.added_us
                 answers = newest_answers(answers, arrival_us, moved=True, asked_us=asked_times(answers))
             tuned, held_out = (
                 score_on_grid(answers, truth, stream.sensor, ANY_SPEED, window_us=self.near_us, counts=side)

@@ -64,7 +64,7 @@ def problem_with_bench(asked: BenchArguments, shown: Shown) -> str | None:
     source = path.read_text(encoding="utf-8")
     (run,) = (node for node in ast.parse(source).body if isinstance(node, ast.FunctionDef) and node.name == "run")
     taken = {argument.arg for argument in run.args.kwonlyargs}
-    unknown = [name for name in OPTIONS if getattr(asked, name) is not None and name not in taken]
+    unknown = [name for name in OPTIONS if getattr(asked, name) not in (None, False) and name not in taken]
     if unknown:
         return f"{shown.words}: no --{unknown[0]}"
     parts = "".join(file.read_text(encoding="utf-8") for file in path.parent.glob("*.py")) + " ".join(METHODS)

@@ -7,8 +7,21 @@ from typing import Final
 
 from app import theme
 from app.formatting import GLOSSARY, html_text, tooltip
-from core.live.live_snapshot import Percentiles
+from core.live.live_snapshot import Percentiles, PlayerHealth
 from core.trajectory.learned_constants import LearnedConstants
+
+STAGE_WORDS: Final = {
+    "window": "From the end of a window until its block of 10 ms is here",
+    "queue": "Until the chain takes it, the block's earlier windows among it",
+    "decode": "Reading the events of the block",
+    "detect": "The ball in the picture of each camera",
+    "stereo": "Its place in space",
+    "filter": "Its flight, and the prediction",
+    "solve": "The stroke that sends it to the target",
+    "send": "Until the command is under way; the answer to the one before is waited for",
+    "robot": "Until the robot or the simulation has answered",
+}
+"""What each stage of a command's way is, as a tooltip."""
 
 
 def figures_html(rows: list[tuple[str, str]]) -> str:
@@ -24,6 +37,21 @@ def figures_html(rows: list[tuple[str, str]]) -> str:
 def percentiles_text(step: Percentiles) -> str:
     """Text of a duration's p50 and p99."""
     return f"{_ms(step.p50_ms)} ms (p50), {_ms(step.p99_ms)} ms (p99)"
+
+
+def latency_rows(health: PlayerHealth) -> list[tuple[str, str]]:
+    """Row with where the time of commands goes: a line a stage with median, p99 and worst; none before a command."""
+    if not health.stages:
+        return []
+    right = "text-align:right;padding-right:8px"
+    lines = "".join(
+        f"<tr><td style='color:{theme.MUTED}' title='{html_text(STAGE_WORDS[one.name])}'>{one.name}</td>"
+        + "".join(f"<td style='{right}'>{_ms(value)}</td>" for value in (one.p50_ms, one.p99_ms, one.worst_ms))
+        + "</tr>"
+        for one in health.stages
+    )
+    titles = "".join(f"<td style='{right};color:{theme.MUTED}'>{title}</td>" for title in ("p50", "p99", "worst"))
+    return [("Where it goes", f"<table style='width:100%'><tr><td>ms</td>{titles}</tr>{lines}</table>")]
 
 
 def coloured(colour: str, html: str) -> str:

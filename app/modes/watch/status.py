@@ -10,7 +10,7 @@ import numpy as np
 
 from app import theme
 from app.formatting import html_text, percent
-from app.modes.watch.figures import coloured, figures_html, learned_words, muted, percentiles_text
+from app.modes.watch.figures import coloured, figures_html, latency_rows, learned_words, muted, percentiles_text
 from app.modes.watch.stream_status import camera_rows
 from app.scene.prediction import CASE_NAMES, CASE_RGB
 from core.chain.calibration_drift import DriftReport
@@ -120,6 +120,7 @@ def live_html(snapshot: RallySnapshot, state: WorldState, status: str, cameras: 
         ("Simulation", _simulation(state, status)),
         ("Followed", f"{health.state_hz:.0f} times a second, {percentiles_text(health.step)} each"),
         ("Seen to racket", f"{percentiles_text(health.window_to_sent)}{_on_the_clock(state)}"),
+        *latency_rows(health),
         ("Controller", html_text(snapshot.controller)),
     ]
     if snapshot.learned is not None:

@@ -6,7 +6,7 @@ from typing import Final
 
 from app import theme
 from app.formatting import html_text
-from app.modes.watch.figures import coloured, figures_html, learned_words, muted, percentiles_text
+from app.modes.watch.figures import coloured, figures_html, latency_rows, learned_words, muted, percentiles_text
 from core.devices.camera_feed import FeedCounts
 from core.live.camera_source import CameraReport, CameraSource
 from core.live.link.live_source import LiveSource
@@ -94,6 +94,7 @@ def stream_html(source: LiveSource, health: StreamHealth, snapshot: RallySnapsho
     else:
         followed = snapshot.health
         rows.append(("Followed", f"{followed.state_hz:.0f} times a second, {percentiles_text(followed.step)} each"))
+        rows += latency_rows(followed)
         if snapshot.learned is not None:
             rows.append(("Air and table", learned_words(snapshot.learned)))
         if followed.blocks_dropped:

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from app import theme
-from app.modes.watch.figures import learned_words
+from app.formatting import html_text
+from app.modes.watch.figures import STAGE_WORDS, learned_words
 from app.modes.watch.missed_ball import missed_html
 from app.modes.watch.status import drift_row, live_html, moment_html
 from core.cameras.stereo import EpipolarDrift
@@ -17,6 +18,7 @@ from core.history.rally_history import Outcome, RallyHistory, RallyMoment, Rally
 from core.history.rally_picture import LandingSpot
 from core.history.shown_prediction import ShownPrediction
 from core.live.link.messages import WorldState
+from core.live.live_snapshot import STAGES, stage_latencies
 from core.physics.episode import Case
 from core.trajectory.filter_config import FilterConfig
 from core.trajectory.learned_constants import nothing_learned
@@ -34,7 +36,7 @@ def state(**more) -> WorldState:
 @pytest.fixture
 def snapshot() -> SimpleNamespace:
     span = SimpleNamespace(p50_ms=0.2, p99_ms=1.0)
-    health = SimpleNamespace(state_hz=400.0, step=span, window_to_sent=span, blocks_dropped=0)
+    health = SimpleNamespace(state_hz=400.0, step=span, window_to_sent=span, blocks_dropped=0, stages=())
     return SimpleNamespace(health=health, controller="built-in", problem="", learned=None)
 
 
@@ -50,6 +52,14 @@ def test_what_was_learned_of_air_and_table_is_said_once_there_was_a_ball(snapsho
     assert learned_words(replace(one, air=0.03, balls=7)).startswith("no air, restitution 0.91 ± 0.01")
     assert "learned from 7 balls" in learned_words(replace(one, air=0.4, balls=7))
     assert learned_words(replace(one, air=0.4)).startswith("air or none (40%), restitution")
+
+
+def test_where_the_time_of_commands_goes_is_a_line_a_stage_once_one_was_sent(snapshot) -> None:
+    assert "Where it goes" not in live_html(snapshot, state(), "connected")
+    snapshot.health.stages = stage_latencies([tuple(float(number) for number in range(len(STAGES)))])
+    said = live_html(snapshot, state(), "connected")
+    assert "Where it goes" in said and said.count("<tr><td style=") >= len(STAGES)
+    assert all(name in said and html_text(STAGE_WORDS[name]) in said for name in STAGES)
 
 
 def test_a_readout_in_time_is_not_spoken_of(snapshot) -> None:

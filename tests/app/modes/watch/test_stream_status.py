@@ -26,7 +26,7 @@ WELL = StreamHealth(1.0, 0.01, False, 0, (CameraHealth("left", 0, 0, 0), CameraH
 def snapshot() -> SimpleNamespace:
     span = SimpleNamespace(p50_ms=0.2, p99_ms=1.0)
     return SimpleNamespace(
-        health=SimpleNamespace(state_hz=400.0, step=span, blocks_dropped=0), problem="", learned=None
+        health=SimpleNamespace(state_hz=400.0, step=span, blocks_dropped=0, stages=()), problem="", learned=None
     )
 
 

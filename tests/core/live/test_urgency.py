@@ -1,0 +1,41 @@
+"""Turns in the interpreter and priorities of the threads between camera and robot."""
+
+import os
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from core.live.urgency import NICENESS, TURN_S, go_first, shorten_turns
+
+
+def test_turns_are_shorter_than_python_s_own() -> None:
+    before = sys.getswitchinterval()
+    try:
+        shorten_turns()
+        assert sys.getswitchinterval() == pytest.approx(TURN_S) and TURN_S < 0.005
+    finally:
+        sys.setswitchinterval(before)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="threads have priorities of their own on Linux only")
+def test_a_priority_is_that_of_the_thread_alone_and_a_refusal_is_no_error() -> None:
+    mine = os.getpriority(os.PRIO_PROCESS, 0)
+    found: list[tuple[bool, int]] = []
+
+    def work() -> None:
+        allowed = go_first()
+        found.append((allowed, os.getpriority(os.PRIO_PROCESS, threading.get_native_id())))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    ((allowed, niceness),) = found
+    assert niceness == (NICENESS if allowed else mine) and os.getpriority(os.PRIO_PROCESS, 0) == mine
+
+
+def test_elsewhere_nothing_is_asked_of_the_system() -> None:
+    code = "import sys; sys.platform = 'darwin'; from core.live.urgency import go_first; print(go_first())"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said.stdout.strip() == "False"
