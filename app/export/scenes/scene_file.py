@@ -7,7 +7,6 @@ same actors as in the app are moved through the recording.
 from __future__ import annotations
 
 import contextlib
-import html
 import socket
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -20,6 +19,7 @@ from app import theme
 from app.export.steps import window_length_us
 from app.export.task import ExportTask
 from app.export.unfinished import check_cancelled, unfinished_file
+from app.formatting import html_text
 from app.scene.arena import RacketActor, RigActors, add_arena
 from app.scene.ball import BallActors, TrailActor
 from app.scene.people import PeopleActor
@@ -147,7 +147,7 @@ def export_scene(task: ExportTask) -> tuple[Path, ...]:
             serializer.insert_sleep(SLOWER * stride_us / 1e6)
         if task.order.format == "html":
             page = serializer.as_html(dark_mode=True)
-            title = f"<title>{html.escape(task.path.stem)}</title>"
+            title = f"<title>{html_text(task.path.stem)}</title>"
             page = page.replace("<head>", f"<head>{STEADY_LIGHT}", 1).replace(TITLE, title, 1)
             unfinished.write_text(page, encoding="utf-8")
         else:
