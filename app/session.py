@@ -398,7 +398,7 @@ class Session:
     # Pictures -----------------------------------------------------------------------------------------------------
 
     def _request_picture(self, state: ClientState, recording: Recording, now_us: int, wall_s: float) -> None:
-        detector, show_truth = state.detector_a, state.tune.show_truth
+        detector, show_truth = state.detector, state.tune.show_truth
         key = (
             recording.uuid,
             now_us,

@@ -63,6 +63,9 @@ class PanelLayout:
 
 PLOT_BINS = 400
 LISTED = 4
+HOT_PER_MILLION: Final = 100
+"""Hot pixels among a million that are no fault: sensors have 15 in the median (docs/how/sensor-model.md), and detectors
+take them out (choice)."""
 TIGHT: Final = "font-size:12.5px;line-height:1.25;padding:0 12px;margin-top:-6px"
 """CSS of the table: two cameras and two lines below fit without scrolling."""
 
@@ -74,6 +77,8 @@ class RecordingInfo:
     name: str
     curves: dict[str, RateCurve]
     health: dict[str, Health]
+    pixels: dict[str, int]
+    """Count of each camera's pixels."""
     notes: tuple[str, ...]
 
 
@@ -85,7 +90,8 @@ def gather_info(library: Library, name: str) -> RecordingInfo:
         for camera, stream in recording.cameras.items()
     }
     health = {camera: library.health(name, camera) for camera in recording.cameras}
-    return RecordingInfo(name, curves, health, recording.notes)
+    pixels = {camera: stream.sensor.width_px * stream.sensor.height_px for camera, stream in recording.cameras.items()}
+    return RecordingInfo(name, curves, health, pixels, recording.notes)
 
 
 class RecordingInfoPanel:
@@ -110,21 +116,31 @@ def health_html(info: RecordingInfo) -> str:
     rows = "".join(_health_row(name, health) for name, health in info.health.items())
     notes = "".join(f"<div style='color:{theme.MUTED}'>{html_text(note)}</div>" for note in info.notes)
     remarks: list[str] = []
+    harmless: list[str] = []
     for name, health in info.health.items():
         remarks += [
             f"{html_text(name)}: no events from {gap.start_us / 1e6:.3f} to {gap.end_us / 1e6:.3f} s"
             for gap in health.gaps[:LISTED]
         ]
         pixels = ", ".join(f"({x}, {y})" for x, y in health.hot_pixels_xy[:LISTED])
-        if pixels:
-            remarks.append(f"{html_text(name)}: busiest hot pixels {pixels}")
+        count, most = len(health.hot_pixels_xy), harmless_hot_pixels(info.pixels[name])
+        if count:
+            verdict = f"{count} hot pixels, {'more than' if count > most else 'harmless up to'} {most}"
+            lines = remarks if count > most else harmless
+            lines.append(f"{html_text(name)}: {verdict}; busiest {pixels}")
     listed = "".join(f"<div style='color:{theme.BAD}'>{remark}</div>" for remark in remarks)
     sound = f"<div style='color:{theme.GOOD}'>no problems found</div>"
+    notes = "".join(f"<div style='color:{theme.MUTED}'>{line}</div>" for line in harmless) + notes
     return (
         f"<div style='{TIGHT}'>"
         f"<table style='border-spacing:0'><tr>{head}</tr>{rows}</table>"
         f"<div style='margin-top:3px'>{listed or sound}{notes}</div></div>"
     )
+
+
+def harmless_hot_pixels(pixels: int) -> int:
+    """Most hot pixels of a sensor with so many pixels that are no fault; at least one."""
+    return max(1, pixels * HOT_PER_MILLION // 1_000_000)
 
 
 def _health_row(name: str, health: Health) -> str:

@@ -21,8 +21,10 @@ def slug_from(text: str) -> str:
     """A plain file name (without suffix) made of what a person typed.
 
     Raises:
-        CommandError: if nothing usable is left.
+        CommandError: if nothing was typed, or nothing usable is left.
     """
+    if not text.strip():
+        raise CommandError("a name is missing", remedy="type letters and digits")
     slug = re.sub(r"[^a-z0-9_-]+", "-", text.strip().lower()).strip("-_")[:63].rstrip("-_")
     if not _SLUG.fullmatch(slug):
         raise CommandError("not a usable name", expected="letters and digits", got=repr(text[:80]))

@@ -271,13 +271,8 @@ class ClientState:
 
     @property
     def detector(self) -> SavedDetector:
-        """The chosen method with the config that the sliders change."""
+        """The chosen method with the config that the sliders change: every mode detects with it."""
         return SavedDetector(self.tune.method, self.config)
-
-    @property
-    def detector_a(self) -> SavedDetector:
-        """The chosen method with its config A."""
-        return SavedDetector(self.tune.method, self.history.present.a)
 
     @property
     def history(self) -> History[Configs]:

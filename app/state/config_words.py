@@ -35,6 +35,11 @@ def config_words(method: Method, slot: Slot, config: DetectorConfig) -> str:
     return f"{method}, config {slot} ({settings_words(method, config)})"
 
 
+def detector_words(state: ClientState) -> str:
+    """What detects in every mode, such as "refined, config A (default settings)"."""
+    return config_words(state.tune.method, state.tune.slot, state.config)
+
+
 @dataclass(frozen=True, slots=True)
 class ShowChangedConfig:
     """Show the sliders of the next config that is not the default."""

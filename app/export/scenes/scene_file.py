@@ -19,12 +19,14 @@ from app import theme
 from app.export.steps import window_length_us
 from app.export.task import ExportTask
 from app.export.unfinished import check_cancelled, unfinished_file
+from app.formatting import html_text
 from app.scene.arena import RacketActor, RigActors, add_arena
 from app.scene.ball import BallActors, TrailActor
 from app.scene.people import PeopleActor
 from app.scene.prediction import LandingActors, PredictionActors
 from app.scene.view_camera import standpoint
 from app.shared.live_rally import positions
+from app.viser_parts import TITLE
 from app.web import Admission, Gateway, make_token
 from core.cameras import Camera
 from core.chain import RallyChain
@@ -145,7 +147,9 @@ def export_scene(task: ExportTask) -> tuple[Path, ...]:
             serializer.insert_sleep(SLOWER * stride_us / 1e6)
         if task.order.format == "html":
             page = serializer.as_html(dark_mode=True)
-            unfinished.write_text(page.replace("<head>", f"<head>{STEADY_LIGHT}", 1), encoding="utf-8")
+            title = f"<title>{html_text(task.path.stem)}</title>"
+            page = page.replace("<head>", f"<head>{STEADY_LIGHT}", 1).replace(TITLE, title, 1)
+            unfinished.write_text(page, encoding="utf-8")
         else:
             unfinished.write_bytes(serializer.serialize())
     return (task.path,)

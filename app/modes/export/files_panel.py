@@ -54,6 +54,11 @@ class ExportFilesPanel:
         self._table.content = files_html(files)
 
 
+def result_of_kind(state: ExportState | None, made_as: str | None, kind: str) -> ExportState | None:
+    """The latest export if it runs or is of the kind that is chosen, or of one that this browser does not know."""
+    return state if state is None or state.running or made_as in (None, kind) else None
+
+
 def files_html(files: tuple[ExportedFile, ...]) -> str:
     """The newest files with their sizes."""
     if not files:

@@ -20,7 +20,7 @@ from app.export.frozen import freeze
 from app.export.selection import Span, span_of
 from app.export.unfinished import Cancelled, Progress
 from app.export.view_film import ViewFilmPlan, export_view_film, save_picture
-from app.modes.export.files_panel import ExportFilesPanel, ViewerPanel
+from app.modes.export.files_panel import ExportFilesPanel, ViewerPanel, result_of_kind
 from app.modes.export.plan_panel import (
     VIEW_PICTURE,
     AnnotatorQuestion,
@@ -138,6 +138,8 @@ class ExportMode:
         self._now_us = 0
         self._shots = ViewShots(host)
         self._labelled_by: tuple[str, ...] = ()
+        self._made_as: dict[str, str] = {}
+        """Kind of each file that this browser has ordered, by name."""
         self._looked_s = self._offered_s = float("-inf")
         self._question: AnnotatorQuestion | None = None
         self._folder = host.client.gui.add_folder(None, visible=False)
@@ -197,10 +199,12 @@ class ExportMode:
                 self._labelled_by = self._annotators()
                 runs = tuple(sorted(self._host.services.workspace.run_names()))
                 self._plan.offer(runs, self._labelled_by, state.annotator)
-            made_with = made_with_html(self._plan.plan, state.detector_a, self._labelled_by)
+            made_with = made_with_html(self._plan.plan, state.detector, state.tune.slot, self._labelled_by)
             if made_with != self._made_with.content:
                 self._made_with.content = made_with
-            self._files.show(self._exporter.state(), self._exporter.files())
+            latest = self._exporter.state()
+            made_as = None if latest is None else self._made_as.get(latest.name)
+            self._files.show(result_of_kind(latest, made_as, self._plan.plan.kind), self._exporter.files())
             self._viewer.show(self._host.services.viewer.state())
 
     def clicked(self, x: float, y: float) -> None:
@@ -221,7 +225,7 @@ class ExportMode:
             if plan.run is None or plan.run not in self._host.services.workspace.run_names():
                 raise CommandError("no training run to export", remedy="train one in the mode Train")
             run = self._host.services.workspace.run_path(plan.run)
-            self._exporter.start(plan.run, ".rrd", _run_work(run))
+            self._made_as[self._exporter.start(plan.run, ".rrd", _run_work(run))] = plan.kind
             return
         recording = self._host.recording
         if recording is None or state is None:
@@ -235,9 +239,10 @@ class ExportMode:
             return
         layers = self._host.services.workspace.labels
         live = self._host.services.rallies.live
-        work = _recording_work(recording, plan, state.detector_a, layers, live)
+        work = _recording_work(recording, plan, state.detector, layers, live)
         note = partial(time_note, plan.format, recording, span)
-        self._exporter.start(state.recording, FORMATS[plan.format].suffix, work, note)
+        name = self._exporter.start(state.recording, FORMATS[plan.format].suffix, work, note)
+        self._made_as[name] = plan.kind
         self._looked_s = float("-inf")
 
     def _stream(self) -> None:
@@ -246,7 +251,7 @@ class ExportMode:
         if state is None or recording is None or services.viewer.address is None:
             return
         order = StreamOrder(
-            services.viewer.address, state.recording, recording, self._plan.plan, state.detector_a,
+            services.viewer.address, state.recording, recording, self._plan.plan, state.detector,
             services.workspace.labels, services.rallies.live,
         )  # fmt: skip
         order.check()
@@ -301,7 +306,8 @@ class ExportMode:
                 host.later(lambda: self._end_view(state.recording, playing=paused))
 
         try:
-            self._exporter.start(f"{state.recording}-3d", ".png" if plan.format == VIEW_PICTURE else ".mp4", work)
+            suffix = ".png" if plan.format == VIEW_PICTURE else ".mp4"
+            self._made_as[self._exporter.start(f"{state.recording}-3d", suffix, work)] = plan.kind
         except CommandError:
             shots.end()
             raise

@@ -11,6 +11,7 @@ import viser
 from app import theme
 from app.export.formats import FORMATS
 from app.formatting import html_text
+from app.state.client_state import Slot
 from app.state.config_words import settings_words
 from app.widgets import Choice, Listing, titles_of, when_changed, when_clicked
 from core.detection.saved import SavedDetector
@@ -70,7 +71,7 @@ class ViewOptions:
 What = Literal["Recording", "Training run"]
 WHATS: Final[tuple[What, ...]] = ("Recording", "Training run")
 ALL, ROUND = "Everything", "2 s here"
-ROUND_US: Final = 1_000_000
+ROUND_US: Final = 2_000_000
 STRIDES_US: Final = {"2 ms": 2000, "4 ms": 4000, "10 ms": 10_000, "20 ms": 20_000, "40 ms": 40_000}
 NOBODY: Final = "nobody"
 UNCHOSEN: Final = "choose an annotator"
@@ -130,6 +131,11 @@ class ExportPlan:
         """It is drawn by the browser."""
         return self.what == "Recording" and self.format in VIEWS
 
+    @property
+    def kind(self) -> str:
+        """What is made: the format, or a training run's file."""
+        return self.format if self.what == "Recording" else self.what
+
 
 class ExportPlanPanel:
     """What one browser wants to export, and how."""
@@ -138,7 +144,7 @@ class ExportPlanPanel:
         self._what: What = "Recording"
         self._annotator_chosen = False
         """Whether a person has chosen whose labels are exported."""
-        self._duration_us = 0
+        self._span_us = (0, 0)
         self._here_us = here_us
         self._choice = Choice(gui, "What", WHATS, lambda what: later(lambda: self._choose(what)))
         self._run = Listing(gui, "Run", lambda _: None, hint="Trainings of the workspace")
@@ -152,7 +158,7 @@ class ExportPlanPanel:
             self._start = gui.add_number("From [s]", 0.0, min=0.0, step=0.001)
             self._end = gui.add_number("To [s]", 0.0, min=0.0, step=0.001)
             part = gui.add_button_group(
-                "Take", (ALL, ROUND), hint="The whole recording, or 1 s before and after the cursor"
+                "Take", (ALL, ROUND), hint="The whole recording, or 2 s with the cursor in the middle, or near an end"
             )
         self._view = ViewOptions(gui)
         self._contents = gui.add_folder("In the Rerun file", expand_by_default=False)
@@ -221,15 +227,11 @@ class ExportPlanPanel:
     def use_span(self, start_us: int, end_us: int) -> None:
         """Another recording, or more of it: offer all of it."""
         self._start.value, self._end.value = start_us / 1e6, end_us / 1e6
-        self._duration_us = end_us
+        self._span_us = start_us, end_us
 
     def _take(self, part: str) -> None:
-        if part == ROUND:
-            here = self._here_us()
-            self._start.value = max(0, here - ROUND_US) / 1e6
-            self._end.value = min(self._duration_us, here + ROUND_US) / 1e6
-        else:
-            self._start.value, self._end.value = 0.0, self._duration_us / 1e6
+        start_us, end_us = part_around(self._here_us(), self._span_us) if part == ROUND else self._span_us
+        self._start.value, self._end.value = start_us / 1e6, end_us / 1e6
 
     def _choose(self, what: str) -> None:
         self._what = "Training run" if what == "Training run" else "Recording"
@@ -246,23 +248,43 @@ class ExportPlanPanel:
         self._view.show(plan.format if plan.of_view else "")
 
 
-def made_with_html(plan: ExportPlan, detector: SavedDetector, annotators: tuple[str, ...]) -> str:
-    """Lines about an export of a recording; empty for a training run and for what the browser draws."""
+def part_around(here_us: int, span_us: tuple[int, int]) -> tuple[int, int]:
+    """[start, end) of 2 s round a time, shifted to lie inside of the span; all of a shorter one."""
+    first_us, last_us = span_us
+    start_us = max(min(here_us - ROUND_US // 2, last_us - ROUND_US), first_us)
+    return start_us, min(start_us + ROUND_US, last_us)
+
+
+def made_with_html(plan: ExportPlan, detector: SavedDetector, slot: Slot, annotators: tuple[str, ...]) -> str:
+    """Lines about an export of a recording; empty for a training run and for what the browser draws.
+
+    Args:
+        plan: what is exported.
+        detector: method and config that Tune shows.
+        slot: which of Tune's configs that is.
+        annotators: who has labelled the recording.
+    """
     if plan.what != "Recording" or plan.of_view:
         return ""
-    lines = [detector_text(detector) if FORMATS[plan.format].computed else "Needs no detector: written as recorded."]
+    computed = FORMATS[plan.format].computed
+    lines = [detector_text(detector, slot) if computed else "Needs no detector: written as recorded."]
     left_out = labels_left_out(plan, annotators)
     if plan.asks_annotator and plan.format == "rrd":
         lines.append(f"Several annotators: {html_text(', '.join(annotators))}. You are asked whose labels are meant.")
     elif left_out:
-        lines.append(f"Left out: the labels of {html_text(', '.join(left_out))}.")
+        why = (
+            "a file has those of one annotator, chosen in Labels of"
+            if plan.format == "rrd"
+            else "only a Rerun file has labels. Label downloads them alone"
+        )
+        lines.append(f"Left out: the labels of {html_text(', '.join(left_out))}; {why}.")
     return f"<div style='padding:2px 1em;font-size:12.5px;color:{theme.MUTED}'>{'<br>'.join(lines)}</div>"
 
 
-def detector_text(detector: SavedDetector) -> str:
+def detector_text(detector: SavedDetector, slot: Slot) -> str:
     """Which settings detections and predictions are made with."""
     settings = html_text(settings_words(detector.method, detector.config))
-    return f"Uses Tune's config A: method {html_text(detector.method)}, {settings}."
+    return f"Uses Tune's config {slot}: method {html_text(detector.method)}, {settings}."
 
 
 def labels_left_out(plan: ExportPlan, annotators: tuple[str, ...]) -> tuple[str, ...]:

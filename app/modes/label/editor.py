@@ -74,6 +74,8 @@ class LabelEditor:
         self._act: EditorAct = lambda editor: None
         """What is being done."""
         self._looked_s = 0.0
+        self._made_at: dict[tuple[Layer, frozenset[int]], int] = {}
+        """Where the cursor was when several times were changed at once, by what was changed."""
         self._read_layers()
 
     def do(self, act: EditorAct) -> None:
@@ -169,6 +171,15 @@ class LabelEditor:
         if t_us != before_us:
             self.callbacks.seek(t_us)
 
+    def enter(self) -> None:
+        """Go to the next time that is to be labelled, if the cursor came from elsewhere and nothing is labelled here.
+
+        A label between those times would not count as progress.
+        """
+        now = self.labelling
+        if now.t_us not in now.here.labels:
+            self.go_to(now.grid.nearest(now.t_us))
+
     def step(self, steps: int) -> None:
         """Go to the next (+1) or previous (-1) time that is to be labelled, or some further."""
         self.go_to(self.labelling.grid.moved(self.labelling.t_us, steps))
@@ -220,7 +231,8 @@ class LabelEditor:
         if shown is None or shown.main.camera != now.view.camera or (r_px is not None and r_px <= 0):
             return
         t_us, source = shown.t_us, now.source
-        picture, draft = now.at(t_us, now.arrived_s).picture_to_label(time.monotonic()), draft_at(now, t_us)
+        picture = now.at(t_us, now.arrived_s).picture_to_label(time.monotonic())
+        draft = draft_at(now, t_us) if shown.shows_draft else None  # one that came later corrects nothing
         # A drawn circle is what the person sees: it is not moved.
         snaps = now.view.snap and source.stream is not None and r_px is None
         unfit: list[UnfitClick] = []
@@ -372,7 +384,11 @@ class LabelEditor:
             self.writer.look(layer, lambda saved: self.callbacks.later(lambda: self._take(saved)), self.failed)
 
     def _save(self, layer: Layer, change: Change, show: bool, then: Callable[[Saved], None]) -> None:
+        t_us = self.labelling.t_us
+
         def done(saved: Saved) -> None:
+            if len(saved.touched_us) > 1 and not show:
+                self.callbacks.later(lambda: self._made_at.update({(layer, frozenset(saved.touched_us)): t_us}))
             self.callbacks.later(lambda: self._take(saved, show=show))
             self.callbacks.later(lambda: then(saved))
 
@@ -407,7 +423,8 @@ class LabelEditor:
             click=now.click if now.click is not None and now.click.t_us not in saved.touched_us else None,
         )
         if show and len(saved.touched_us) and layer.camera == now.view.camera:
-            self.go_to(min(saved.touched_us, key=lambda t_us: abs(t_us - now.t_us)))
+            nearest_us = min(saved.touched_us, key=lambda t_us: abs(t_us - now.t_us))
+            self.go_to(self._made_at.get((layer, frozenset(saved.touched_us)), nearest_us))
 
 
 def events_near(source: LabelSource, t_us: int) -> Events:

@@ -155,6 +155,11 @@ class PicturePlan:
     legend: tuple[tuple[str, PaletteIndex], ...] = ()
     """Whose label is which, where two are drawn in the large picture."""
 
+    @property
+    def shows_draft(self) -> bool:
+        """Whether a proposal is drawn in the large picture."""
+        return any(isinstance(mark, CircleMark) and mark.ink == PaletteIndex.DRAFT for mark in self.main.marks)
+
 
 class PictureSource(Protocol):
     """Where pictures of one camera come from."""

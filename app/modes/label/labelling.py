@@ -85,6 +85,13 @@ class Grid:
         number = t_us // self.step_us if steps > 0 else -(-t_us // self.step_us)
         return min(max((number + steps) * self.step_us, 0), self.last_us)
 
+    def nearest(self, t_us: int) -> int:
+        """The time to be labelled that is next to any time; that time where there is none."""
+        before_us, after_us = self.moved(t_us + 1, -1), self.moved(t_us - 1, +1)
+        if self.frames_us is not None and not len(self.frames_us):
+            return t_us
+        return before_us if abs(before_us - t_us) <= abs(after_us - t_us) else after_us
+
     @property
     def last_us(self) -> int:
         """The last time that can be labelled."""
@@ -157,7 +164,7 @@ class UnfitClick:
     def question(self) -> str:
         """What the person is asked."""
         why = "no circle fits here" if self.looked_for else "how large is it?"
-        return f"{why}: drag to set the radius, or press X for absent"
+        return f"{why}: drag to set the radius, or press X for no ball"
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -61,6 +61,8 @@ from labels.arrays import STATES, LabelArrays
 from labels.assist import load_snap
 
 IN_BAR_EVERY_S: Final = 0.5
+JUST_NOW: Final = -1
+"""In place of the time at which Label was entered, until the first turn of the loop there."""
 
 
 class LabelMode:
@@ -89,6 +91,8 @@ class LabelMode:
         self._prompt: AnnotatorPrompt | None = None
         self._live = LiveCopy(host)
         self._step_chosen = False
+        self._entry_us: int | None = None
+        """Where Label was entered, until the labels of the camera are read."""
         self._elsewhere = ("", 0)
         """The camera that the other modes look at, and how often it was handed over, as Label last followed it."""
         self._ring: tuple[float, float, float] | None = None
@@ -145,6 +149,7 @@ class LabelMode:
         if active and not self._step_chosen:
             self._step_chosen = True
             self._host.send(SetStep(DEFAULT_STEP_US))
+        self._entry_us = JUST_NOW if active else None
         if active:
             self._open()
 
@@ -167,11 +172,12 @@ class LabelMode:
         if editor is None or comparer is None:
             return
         editor.follow(now_us, max(state.step_us, LABEL_STEPS_US[0]))  # the time controls go finer than labels do
+        self._enter(editor, state, now_us)
         editor.look_again(wall_s)
         if (state.camera, state.looks) != self._elsewhere:  # another was chosen in Tune, or one is named by Watch
             self._elsewhere = (state.camera, state.looks)
             editor.change_view({"camera": state.camera})
-        self._results.tick(editor, wall_s)
+        self._results.tick(editor, state, wall_s)
         self._imports.tick(editor, wall_s)
         comparer.tick(wall_s)
         now = editor.labelling
@@ -192,6 +198,17 @@ class LabelMode:
         self._merge.show(comparer, now)
         if self._keys.ready:
             self._host.later(self._keys.go_on)
+
+    def _enter(self, editor: LabelEditor, state: ClientState, now_us: int) -> None:
+        """Begin at a time that counts as progress; not where a person plays, or has gone on since."""
+        if self._entry_us == JUST_NOW:
+            self._entry_us = now_us
+        if self._entry_us is None or editor.labelling.view.camera not in editor.labelling.saved:
+            return
+        stays = now_us == self._entry_us and not state.playhead.playing
+        self._entry_us = None
+        if stays and not isinstance(self._recording, RingRecording):
+            editor.do(LabelEditor.enter)
 
     def clicked(self, x: float, y: float) -> None:
         """The ball is here; in the strip or the overview: look there; in another camera's picture: label that."""
@@ -399,16 +416,16 @@ class LabelMode:
         self._panel.show_save(live_html(self._live.share) if live else save_html(now, editor.writer))
         proposals = proposals_html(now.here.proposals, suggestions.share, len(self._keys) > 0)
         self._panel.show_proposals(proposals, suggestions.share is not None)
-        known = (now.t_us, now.view, now.step_us, now.works, suggestions.reason_us, now.asking)
+        label = None if now.view.repeat else now.here.labels.get(now.t_us)
+        reason = suggestions.reason_for(label)
+        known = (now.t_us, now.view, now.step_us, now.works, reason, now.asking)
         if known == self._status:
             return
         self._status = known
-        label = None if now.view.repeat else now.here.labels.get(now.t_us)
         with self._host.client.atomic():
             self._panel.show_view(now.view, now.step_us)
             self._panel.show_label(label, now.asking)
             self._panel.show_progress("" if live else progress_html(self._checked(editor)))
-            reason = suggestions.reason_for(label)
             draft = draft_at(now, now.t_us)
             self._panel.show_here(here_html(label, draft, self._agreement(now), reason, now))
 

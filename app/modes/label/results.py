@@ -12,11 +12,13 @@ import viser
 
 from app import theme
 from app.export.unfinished import Cancelled, Progress
-from app.formatting import html_text, percent
+from app.formatting import html_text, note_html, percent
 from app.modes.label.editor import LabelEditor
 from app.modes.label.label_files import LabelFiles, LabelFilesRequest, copy_label_store, zip_label_files
 from app.modes.mode import ModeHost, download_export
+from app.state.client_state import ClientState
 from app.state.commands import AskForScore
+from app.state.config_words import detector_words
 from app.widgets import titles_of, when_clicked
 from core.errors import CommandError
 from labels.formats import FORMATS, ExportOptions
@@ -39,6 +41,7 @@ class LabelResultsPanel:
     ) -> None:
         self._titles = titles_of({name: kind.label for name, kind in FORMATS.items()} | {STORE: STORE_TITLE})
         with gui.add_folder("With these labels"):
+            self._scored = gui.add_html("")
             scoring = gui.add_button(
                 "Score the detector", icon=viser.Icon.TARGET, hint="Tune's method and config against your labels here"
             )
@@ -64,6 +67,12 @@ class LabelResultsPanel:
     def pictures(self) -> bool:
         """Whether pictures are wanted and the format has any."""
         return bool(self._pictures.value) and self.format != STORE and FORMATS[self.format].pictures
+
+    def show_scored(self, text: str) -> None:
+        """Which detector would be scored."""
+        content = note_html(f"Scores what Tune shows: {html_text(text)}", theme.MUTED)
+        if self._scored.content != content:
+            self._scored.content = content
 
     def show(self, lines: tuple[str, ...], *, running: bool, failed: bool) -> None:
         """How the export goes, or how it ended."""
@@ -96,12 +105,15 @@ class LabelResults:
         self._made: LabelFiles | None = None
         self._shown_s = float("-inf")
 
-    def tick(self, editor: LabelEditor, wall_s: float) -> None:
-        """Follow the export; hand the file over when it is there."""
+    def tick(self, editor: LabelEditor, now: ClientState, wall_s: float) -> None:
+        """Follow Tune's choice of the detector and the export; hand the file over when it is there."""
         self._editor = editor
-        if self._name is None or wall_s - self._shown_s < SHOW_EVERY_S:
+        if wall_s - self._shown_s < SHOW_EVERY_S:
             return
         self._shown_s = wall_s
+        self._panel.show_scored(detector_words(now))
+        if self._name is None:
+            return
         state = self._host.services.exporter.state()
         if state is None or state.name != self._name:
             self._name = None

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.background.jobs import LatestWins, LoopJob
+from app.formatting import percent
 from app.modes.label.contacts import ContactSearch
 from app.modes.label.editor import LabelEditor, events_near
 from app.modes.label.label_changes import ProposedLabel, ShownPicture, accepted, proposed_at, snapped
@@ -20,6 +21,7 @@ from app.modes.label.label_writer import Change, Saved
 from app.modes.label.labelling import CameraWork, Labelling
 from app.modes.label.sightings import FROM_OTHERS, draft_at
 from app.modes.label.sources import LabelSource
+from app.modes.label.status import Checked, checked_of
 from core.detection.saved import SavedDetector
 from core.metrics.at_times import LEAD_IN_US
 from core.recordings import CameraStream
@@ -234,8 +236,11 @@ class LabelSuggestions:
         if not len(here.arrays) and not here.proposals:
             self._editor.note("Nothing to check", "No labels or proposals here yet: click a ball, or press I.")
             return
-        text = "All items were visited. Press again to start over." if visited else "No label or proposal looks wrong."
-        self._editor.note("Queue", text, "green")
+        if visited:
+            text, open_ends = "All items were visited. Press again to start over.", False
+        else:
+            text, open_ends = nothing_suspicious_words(checked_of(self._editor.labelling), self.share)
+        self._editor.note("Queue", text, "yellow" if open_ends else "green")
 
     # Repeat annotations -------------------------------------------------------------------------------------------
 
@@ -262,6 +267,19 @@ class LabelSuggestions:
         else:
             text = "One label in twenty is repeated, after twenty others."
             self._editor.note("No second look is due", text, "green")
+
+
+def nothing_suspicious_words(checked: Checked, share: float | None) -> tuple[str, bool]:
+    """What an empty queue means, and whether more may be found later.
+
+    Args:
+        checked: how far the camera is.
+        share: how far the detector is, while it runs.
+    """
+    left = checked.total - checked.checked
+    ends = [f"{left} {'time' if left == 1 else 'times'} unchecked"] if left else []
+    ends += [] if share is None else [f"proposals {percent(share)} done"]
+    return f"Nothing suspicious so far; {', '.join(ends)}." if ends else "No label or proposal looks wrong.", bool(ends)
 
 
 def add_proposals(editor: LabelEditor, parts: Mapping[str, Proposals]) -> None:

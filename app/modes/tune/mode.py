@@ -18,7 +18,7 @@ from app.modes.tune.settings import ConfigFilesPanel, SettingsPanel, TuneViewPan
 from app.modes.tune.verdict_line import ScoredConfig, VerdictLine
 from app.panels.time_bar import Runs, runs_of_verdicts
 from app.state.client_state import SLOTS, ClientState, Slot
-from app.state.commands import BeginScore, Command, LookAt, UseConfig
+from app.state.commands import BeginScore, Command, LookAt, SetMode, UseConfig
 from app.state.config_words import config_words
 from app.views.answer_cache import AnswerCache
 from app.views.methods_picture import MethodsRequest, answer_methods
@@ -295,7 +295,7 @@ class TuneMode:
     def _score_done(self, title: str, score: RunScore | LabelScore, *, announced: bool) -> None:
         self._results.score.show_score(title, score)
         if announced and self._active:
-            self._results.score.show_window()
+            self._results.score.show_window(lambda: self._host.send(SetMode("Label")))
 
 
 def _shown_config(state: ClientState) -> ScoredConfig:

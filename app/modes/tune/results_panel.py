@@ -70,12 +70,20 @@ class ScorePanel:
         """Show the share of the recording that is done."""
         self._progress.value = 100.0 * share
 
-    def show_window(self) -> None:
-        """Show the last score against labels in its own window; here it may be behind another tab."""
+    def show_window(self, back: Callable[[], None]) -> None:
+        """Show the last score against labels in its own window; `back`: go to where it was asked for."""
         modal = self._gui.add_modal("The detector against your labels")
         with modal:
             self._gui.add_html(f"<div data-rallyscope='wide' style='overflow-x:auto'>{self._labels.content}</div>")
-            when_clicked(self._gui.add_button("Close", icon=viser.Icon.CHECK), modal.close)
+            label = self._gui.add_button("Back to Label", icon=viser.Icon.ARROW_LEFT)
+            stay = self._gui.add_button("Stay in Tune", icon=viser.Icon.CHECK)
+
+        def go_back() -> None:
+            modal.close()
+            back()
+
+        when_clicked(label, go_back)
+        when_clicked(stay, modal.close)
 
     def show_score(self, title: str, score: RunScore | LabelScore) -> None:
         """Add a row; a score against labels has a table and a picture of its own."""

@@ -82,7 +82,7 @@ def a_name_in_the_panel_gives_the_keyboard_back(window: Window, mode, name: str,
 
 def a_name_that_cannot_be_is_refused(window: Window, mode) -> None:
     before, field = mode._editor.labelling.view.annotator, window.field("Annotator")
-    for wrong, why in (("x" * 41, "too long a name"), ("", "not a usable name")):
+    for wrong, why in (("x" * 41, "too long a name"), ("", "a name is missing")):
         field.click()
         field.select_text()
         window.page.keyboard.press("Delete")

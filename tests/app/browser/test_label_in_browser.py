@@ -367,7 +367,7 @@ def test_a_click_where_no_circle_fits_asks_and_stores_nothing_until_a_radius_is_
     eventually(lambda: labelling.work.asking, "the question")
     labelling.settle()
     labelling.window.screenshot("label-click-without-a-circle")
-    asked = labelling.page.get_by_text("no circle fits here: drag to set the radius, or press X for absent")
+    asked = labelling.page.get_by_text("no circle fits here: drag to set the radius, or press X for no ball")
     eventually(lambda: asked.count() == 2, "it in the panel, and where the eyes are: in the line under the picture")
     assert not labelling.work.here.labels and labelling.mode._editor.writer.saved_at == saved_at
     labelling.drag(labelling.screen(x, y), labelling.screen(x + 12.0, y))

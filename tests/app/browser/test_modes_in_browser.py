@@ -79,8 +79,9 @@ def test_labels_are_exported_and_the_detector_is_scored_against_them(window, wor
     right = max(box["x"] + box["width"] for box in (part.bounding_box() for part in over.locator("th, svg").all()))
     assert right < over.bounding_box()["x"] + over.bounding_box()["width"], "nothing is cut off"
     window.screenshot("label-scored")
-    page.keyboard.press("Escape")
+    window.press("Back to Label")
     over.wait_for(state="detached")
+    eventually(lambda: window.state.mode == "Label", "Label again")
     assert window.state.score_by is None and window.state.camera == "left"
     window.press("Export")
     eventually(lambda: window.state.mode == "Export", "Export")

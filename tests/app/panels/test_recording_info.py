@@ -2,10 +2,14 @@
 
 from pathlib import Path
 
+import numpy as np
+import pytest
+
 from app import theme
-from app.panels.recording_info import gather_info, health_html
+from app.panels.recording_info import RecordingInfo, gather_info, harmless_hot_pixels, health_html
 from app.shared.library import Library
 from app.shared.workspace import Workspace
+from core.events import Health
 from core.recordings import ImportOrder, import_recording
 
 
@@ -20,3 +24,15 @@ def test_where_a_recording_came_from_is_no_fault(tmp_path: Path) -> None:
     library.close()
     line = next(part for part in said.split("<div") if "Imported from" in part)
     assert theme.BAD not in line and theme.MUTED in line
+
+
+HD = 1280 * 720
+
+
+@pytest.mark.parametrize(("hot", "red"), [(9, False), (92, False), (93, True)])
+def test_hot_pixels_are_red_only_where_they_are_many(hot: int, red: bool) -> None:
+    places = np.arange(2 * hot, dtype=np.int64).reshape(-1, 2)
+    health = Health(1000, 1_000_000, 1e3, 2e3, 0.5, places, ())
+    said = health_html(RecordingInfo("demo", {}, {"left": health}, {"left": HD}, ()))
+    assert (theme.BAD in said) == red and ("no problems found" in said) != red
+    assert f"left: {hot} hot pixels" in said and str(harmless_hot_pixels(HD)) in said and "(0, 1)" in said

@@ -24,7 +24,13 @@ def test_what_people_type_becomes_a_plain_name(typed: str, slug: str) -> None:
     assert slug_from(typed) == slug
 
 
-@pytest.mark.parametrize("typed", ["", "   ", "...", "///", "\x00", "-_-"])
+@pytest.mark.parametrize("typed", ["", "   "])
+def test_a_name_that_was_not_typed_is_missing(typed: str) -> None:
+    with pytest.raises(CommandError, match="a name is missing"):
+        slug_from(typed)
+
+
+@pytest.mark.parametrize("typed", ["...", "///", "\x00", "-_-"])
 def test_a_name_with_nothing_in_it_is_refused(typed: str) -> None:
     with pytest.raises(CommandError, match="not a usable name"):
         slug_from(typed)

@@ -101,7 +101,7 @@ def test_a_method_without_stages_has_configs_of_its_own_in_windows_of_its_own(st
     edited = c.EditSetting(REFINED_RADIUS, 20.0).apply(refined, 0.0)
     assert get_setting(edited.config, REFINED_RADIUS) == 20.0
     assert edited.configs == state.configs == c.SetMethod("auto").apply(edited, 0.0).history
-    assert edited.detector == edited.detector_a == ("refined", edited.config), "Watch, Label and Export follow"
+    assert edited.detector == ("refined", edited.config), "Watch, Label and Export follow"
     assert edited.config_of("ebpp") == ebpp_config()
     assert c.Undo().apply(edited, 1.0).config == refined_config()
     assert c.Redo().apply(c.Undo().apply(edited, 1.0), 2.0).config == edited.config

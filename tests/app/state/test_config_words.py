@@ -3,7 +3,7 @@
 from app.modes.tune.auto_tune import loses_config, trial_words
 from app.state.client_state import ClientState, Configs, History, Playhead
 from app.state.commands import CopyToOther, EditSetting, ResetAllConfigs, ResetConfig, SetMethod, SetSlot, Undo
-from app.state.config_words import ShowChangedConfig, changed_configs, changed_words, settings_words
+from app.state.config_words import ShowChangedConfig, changed_configs, changed_words, detector_words, settings_words
 from core.detection import DetectorConfig
 from core.detection.methods import method_config
 
@@ -68,3 +68,9 @@ def test_a_search_asks_before_it_replaces_a_b_that_somebody_made() -> None:
     assert not loses_config("refined", Configs(plain, plain))
     copied = after(after(fresh(), *CHANGES), CopyToOther()).history_of("refined").present
     assert not loses_config("refined", copied), "A is the same"
+
+
+def test_what_detects_in_every_mode_is_the_config_that_is_shown() -> None:
+    state = after(fresh(), *CHANGES)
+    assert detector_words(state) == "refined, config B (refined.motion_px 5)"
+    assert state.detector == ("refined", state.history.present.b)

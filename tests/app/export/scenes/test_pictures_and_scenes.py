@@ -64,8 +64,9 @@ def test_the_scene_plays_four_times_slower_and_moves_the_ball(serve_recording: P
 
 
 def test_the_web_page_needs_nothing_else(serve_recording: Path, tmp_path) -> None:
-    assert main(["export", str(serve_recording), "--html", str(tmp_path / "a.html"), *PART]) == 0
-    page = (tmp_path / "a.html").read_text()
+    assert main(["export", str(serve_recording), "--html", str(tmp_path / "serve & spin.html"), *PART]) == 0
+    page = (tmp_path / "serve & spin.html").read_text()
+    assert "<title>serve &amp; spin</title>" in page and "<title>Viser</title>" not in page
     assert "__VISER_EMBED_DATA__" in page and len(page) > 500_000
     assert 'src="http' not in page and 'href="http' not in page
 

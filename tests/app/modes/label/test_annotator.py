@@ -19,7 +19,7 @@ def test_a_name_is_small_letters_digits_and_dashes(typed: str, name: str) -> Non
 @pytest.mark.parametrize(
     ("typed", "message"),
     [
-        ("", "not a usable name"),
+        ("", "a name is missing"),
         ("...", "not a usable name"),
         ("an\0na", "nobody sees"),
         ("an\u202ena", "nobody sees"),

@@ -147,7 +147,7 @@ def test_a_click_where_no_circle_fits_is_not_stored_but_asks_for_a_radius(bench:
     bench.look(BALL_US)
     bench.editor.place_ball(*EMPTY)
     bench.wait(lambda: bench.work.asking)
-    assert "no circle fits here: drag to set the radius, or press X for absent" in bench.work.asking.question
+    assert "no circle fits here: drag to set the radius, or press X for no ball" in bench.work.asking.question
     assert not bench.work.here.labels and not bench.errors
     marks = bench.look().main.marks
     assert [(mark.x_px, mark.y_px, mark.r_px, mark.ink) for mark in marks] == [(*EMPTY, None, PaletteIndex.ASKS)]
