@@ -20,6 +20,7 @@ from app.cli.labels_layer import read_layers
 from app.cli.progress import progress_bar
 from app.cli.streaming import StreamingArguments
 from app.cli.terminal import format_table, json_ready, say
+from app.formatting import share_text
 from core.detection.saved import SavedDetector, save_detector
 from core.errors import CommandError, ConfigError
 from core.files import end_with_parent
@@ -180,8 +181,8 @@ def _row(side: str, config: str, figures: Figures) -> dict[str, object]:
     return {
         "windows": side,
         "config": config,
-        "precision": figures.precision,
-        "recall": figures.recall,
+        "precision": share_text(figures.precision),
+        "recall": share_text(figures.recall),
         "median error [px]": figures.median_error_px,
         "objective": figures.objective,
     }

@@ -14,7 +14,7 @@ from typing import Any, Final, Literal
 
 from app import theme
 from app.background.child import ChildProcess, share_in
-from app.formatting import html_text, table_row
+from app.formatting import html_text, share_text, table_row
 from app.modes.tune.label_score import find_reference
 from core.detection import DetectorConfig
 from core.detection.methods import Method
@@ -130,7 +130,8 @@ def _bar(share: float) -> str:
 def _row(side: str, config: str, figures: Figures) -> str:
     found = "-" if math.isnan(figures.median_error_px) else f"{figures.median_error_px:.2f} px"
     return table_row(
-        (side, config, f"{figures.precision:.3f}", f"{figures.recall:.3f}", found, f"{figures.objective:.3f}"), CELL
+        (side, config, share_text(figures.precision), share_text(figures.recall), found, f"{figures.objective:.3f}"),
+        CELL,
     )
 
 

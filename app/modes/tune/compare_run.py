@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app import theme
-from app.formatting import html_text, table_row
+from app.formatting import html_text, share_text, table_row
 from app.modes.tune.label_score import labels_to_score
 from app.pictures.palette import METHOD_RGB
 from app.state.client_state import Slot
@@ -261,17 +261,13 @@ def _row(one: ComparedMethod) -> str:
     cells = (
         f"<span style='color:{method_css(one.method)}'>●</span> {html_text(one.method)}"
         f"<br><span style='color:{theme.MUTED};white-space:normal'>{html_text(one.config + delay)}</span>",
-        _ratio(judged.recall),
-        _ratio(judged.precision),
+        share_text(judged.recall),
+        share_text(judged.precision),
         f"{_number(judged.error_at(50))} / {_number(judged.error_at(95))}",
         f"{_number(1e3 * judged.step_at(50))} / {_number(1e3 * judged.step_at(99))}",
         *live,
     )
     return table_row(cells, CELL)
-
-
-def _ratio(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.3f}"
 
 
 def _number(value: float) -> str:

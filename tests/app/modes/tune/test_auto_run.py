@@ -143,3 +143,9 @@ def test_what_has_no_number_is_a_dash_and_what_was_changed_is_escaped() -> None:
 def test_what_is_no_report_is_refused(line: str) -> None:
     with pytest.raises(ValueError, match=r".*"):
         read_report(line)
+
+
+def test_a_share_that_is_not_whole_never_reads_1() -> None:
+    almost = {side: figures(0.997, precision=2183 / 2184, recall=1.0) for side in ("tuned", "held_out")}
+    text = shown(read_report(said(best=almost)))
+    assert "0.999" in text and text.count("1.000") == 2, "the two recalls"
