@@ -101,6 +101,17 @@ def percent(share: float) -> str:
     return f"{math.floor(value + 1e-9) if value > 99.0 else round(value)} %"
 
 
+def share_text(share: float, digits: int = 3) -> str:
+    """A share 0 to 1 with decimals, "-" for nan; only 1 itself reads 1.000, and only 0 reads 0.000.
+
+    2183 of 2184 is 0.999: rounded to 1.000 it would stand beside "missed 1".
+    """
+    if not math.isfinite(share):
+        return "-"
+    least = 10.0**-digits
+    return f"{min(max(share, least), 1.0 - least) if 0.0 < share < 1.0 else share:.{digits}f}"
+
+
 PAGE: Final = "docs/use/glossary.md"
 
 GLOSSARY: Final[dict[str, str]] = {

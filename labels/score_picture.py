@@ -66,6 +66,9 @@ def score_svg(curves: ScoreCurves, title: str, *, noise_px: float | None = None)
         *_scatter(curves.errors_px, second, noise_px),
         f"<text x='{second + FRAME + 8}' y='{TOP + 14}' fill='{DOT}'>detector - label [px]</text>",
     ]
+    if beyond := int((np.abs(curves.errors_px) > REACH_PX).any(axis=1).sum()):
+        text = f"{beyond} beyond {REACH_PX:g} px, on the rim"
+        parts.append(f"<text x='{second + FRAME + 8}' y='{TOP + FRAME}'>{text}</text>")
     if noise_px is not None and np.isfinite(noise_px):
         text = f"the annotator's own noise: {noise_px:.2f} px"
         parts.append(f"<text x='{second + FRAME + 8}' y='{TOP + 30}'>{text}</text>")

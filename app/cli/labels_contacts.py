@@ -6,7 +6,6 @@ from collections.abc import Callable
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
-from math import isnan
 from pathlib import Path
 from typing import Final
 
@@ -14,6 +13,7 @@ from app.cli.arguments import DATA, PositiveInt, flag, positional
 from app.cli.detector_arguments import MethodArguments
 from app.cli.labels_layer import LayerArguments, read_layers
 from app.cli.progress import progress_bar
+from app.formatting import share_text
 from core.errors import CommandError
 from core.recordings import CameraStream, Recording, open_recording
 from labels.assist.contact_proposals import propose_contacts
@@ -148,8 +148,7 @@ def _line(contact: ContactLabel) -> str:
 
 def _score_line(score: ContactScore, against: str) -> str:
     ratios = ", ".join(
-        f"{name} {'-' if isnan(value) else f'{value:.3f}'}"
-        for name, value in (("precision", score.precision), ("recall", score.recall))
+        f"{name} {share_text(value)}" for name, value in (("precision", score.precision), ("recall", score.recall))
     )
     time = score.time
     error = f"; time error median {time.median_us / 1000:.3f} ms, p95 {time.p95_us / 1000:.3f}, "

@@ -14,6 +14,7 @@ from app.cli.detector_arguments import MethodArguments
 from app.cli.labels_layer import LayerArguments, read_layer
 from app.cli.progress import progress_bar
 from app.cli.streaming import StreamingArguments
+from app.formatting import share_text
 from app.modes.label.sources import LabelSource
 from core.detection import DetectorConfig, make_detector
 from core.detection.methods import Method
@@ -203,7 +204,7 @@ def _line(path: Path, piece: LabelledRecording, scores: tuple[GroupScore, ...]) 
     score, at = scores[0], scores[0].at[SHOWN_AT]
     return (
         f"{path}: labels {score.labels} by {piece.annotator}, balls {score.with_ball}, "
-        f"F1 {at.f1:.3f} at {at.tolerance_px:g} px, median {score.median_px:.2f} px"
+        f"F1 {share_text(at.f1)} at {at.tolerance_px:g} px, median {score.median_px:.2f} px"
     )
 
 
@@ -222,7 +223,7 @@ def _noise_json(noise: Agreement) -> dict[str, object]:
 def _score_table(scores: tuple[GroupScore, ...]) -> list[str]:
     lines = ["labels         number  balls   P / R / F1 at 1, 2, 4, 8 px" + " " * 44 + "median   p95  along across px"]
     for score in scores:
-        at = "   ".join(f"{row.precision:.3f}/{row.recall:.3f}/{row.f1:.3f}" for row in score.at)
+        at = "   ".join("/".join(map(share_text, (row.precision, row.recall, row.f1))) for row in score.at)
         errors = f"{score.median_px:6.2f} {score.p95_px:6.2f} {score.along_px:+6.2f} {score.across_px:+6.2f}"
         lines.append(f"{score.group:<13} {score.labels:7d} {score.with_ball:6d}   {at}  {errors}")
     return lines

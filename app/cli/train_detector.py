@@ -18,6 +18,7 @@ from app.cli.ending import end_event
 from app.cli.files import check_folder
 from app.cli.progress import progress_bar
 from app.cli.terminal import say
+from app.formatting import share_text
 from core.config import load_config
 from core.detection.yolo.config import DetectorTrainingConfig, Precision, YoloConfig
 from core.errors import CommandError
@@ -90,8 +91,8 @@ def run(arguments: TrainDetectorArguments) -> None:
     confidence = load_weights(arguments.out).config.confidence
     say(f"finished: {arguments.out}, {arguments.out.stat().st_size / 1e6:.1f} MB, confidence from {confidence:g}")
     say(
-        f"{score.pictures} sharp pictures it was not trained on: recall {score.recall:.3f} and precision "
-        f"{score.precision:.3f} at 8 px, median error {score.median_error_px:.2f} px"
+        f"{score.pictures} sharp pictures it was not trained on: recall {share_text(score.recall)} and precision "
+        f"{share_text(score.precision)} at 8 px, median error {score.median_error_px:.2f} px"
     )
     if not score.is_rival:
         say(f"with a recall below {MIN_RECALL:g} it is no rival: train longer, or on more rooms")

@@ -20,6 +20,7 @@ from app.cli.labels_layer import read_layers
 from app.cli.progress import progress_bar
 from app.cli.streaming import StreamingArguments
 from app.cli.terminal import format_table, json_ready, say
+from app.formatting import share_text
 from core.detection.saved import SavedDetector, save_detector
 from core.errors import CommandError, ConfigError
 from core.files import end_with_parent
@@ -34,7 +35,7 @@ from core.tuning import (
     truth_objective,
     tune,
 )
-from core.tuning.objective import Figures
+from core.tuning.objective import Figures, measurably_differ
 from labels.tuning_objective import label_objective
 
 Against = Literal["truth", "labels"]
@@ -180,8 +181,8 @@ def _row(side: str, config: str, figures: Figures) -> dict[str, object]:
     return {
         "windows": side,
         "config": config,
-        "precision": figures.precision,
-        "recall": figures.recall,
+        "precision": share_text(figures.precision),
+        "recall": share_text(figures.recall),
         "median error [px]": figures.median_error_px,
         "objective": figures.objective,
     }
@@ -211,7 +212,10 @@ def _json_value(value: object) -> object:
 def _verdict(result: TuningResult) -> str:
     if result.best_trial == 0:
         return "Nothing better was found than the config to start from."
-    start, best = result.trials[0].held_out.objective, result.trials[result.best_trial].held_out.objective
+    before, after = result.trials[0].held_out, result.trials[result.best_trial].held_out
+    figures = f"{before.objective:.4f} before, {after.objective:.4f} now"
+    if not measurably_differ(before, after):
+        return f"On the held-out windows there is no measurable difference: {figures}."
     if result.better_held_out:
-        return f"On the held-out windows it is better, too: {start:.3f} before, {best:.3f} now."
-    return f"On the held-out windows it is NOT better: {start:.3f} before, {best:.3f} now. It fits the tuned ones only."
+        return f"On the held-out windows it is better, too: {figures}."
+    return f"On the held-out windows it is NOT better: {figures}. It fits the tuned ones only."

@@ -80,12 +80,12 @@ def shared_method() -> Method:
 
 
 def changed_words(changed: tuple[ChangedConfig, ...]) -> str:
-    """Text such as "3 settings changed from default: auto A (2), refined B (1)"; empty if none is."""
+    """Text such as "3 settings changed from default: A of auto (2), B of refined (1)"; empty if none is."""
     total = sum(one.settings for one in changed)
     if not total:
         return ""
     several = len(changed) > 1
-    each = ", ".join(f"{one.method} {one.slot}" + (f" ({one.settings})" if several else "") for one in changed)
+    each = ", ".join(f"{one.slot} of {one.method}" + (f" ({one.settings})" if several else "") for one in changed)
     return f"{total} {'setting' if total == 1 else 'settings'} changed from default: {each}"
 
 

@@ -224,8 +224,8 @@ def is_wrong(distance_px: float | None) -> bool:
 
 def _when(answer: WindowAnswer) -> str:
     """Events of a window, and for when its ball is."""
-    window, events = answer.window, f"{len(answer.window.events)} events"
-    if answer.detection is None or answer.valid_us == window.end_us:
+    events = f"{len(answer.window.events)} events"
+    if answer.detection is None:
         return events
     return f"{events}, ball at {answer.valid_us / 1e3:.3f} ms"
 

@@ -68,6 +68,17 @@ class Figures:
     """Times at which a ball was asked for."""
 
 
+MEASURABLE_PX: Final = 0.01
+"""Smallest difference of two median errors that counts: they are printed with as many digits."""
+
+
+def measurably_differ(first: Figures, second: Figures) -> bool:
+    """Whether the objectives of two configs on the same balls differ by more than two balls or `MEASURABLE_PX`."""
+    # A missed ball of N lowers F1 by 1 / 2N.
+    least = max(COST_PER_PX * MEASURABLE_PX, 1.0 / max(1, first.balls))
+    return abs(second.objective - first.objective) > least
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class SplitScore:
     """Counts and errors of a config on both sides; they add up over cameras."""

@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.formatting import LONGEST_TITLE, notice_of, percent
+from app.formatting import LONGEST_TITLE, notice_of, percent, share_text
 from app.panels.field_control import field_label
 from core.config import FieldSpec
 from core.detection.stages.localise import LocaliseConfig
@@ -43,3 +43,15 @@ def test_the_name_of_a_file_stays_as_it_is() -> None:
 )
 def test_only_all_is_a_hundred_per_cent_and_only_nothing_is_none(done: int, of: int, said: str) -> None:
     assert percent(done / of) == said
+
+
+@pytest.mark.parametrize(
+    ("found", "of", "said"),
+    [(0, 2184, "0.000"), (1, 2184, "0.001"), (1092, 2184, "0.500"), (2183, 2184, "0.999"), (2184, 2184, "1.000")],
+)
+def test_only_a_whole_share_reads_1_and_only_an_empty_one_0(found: int, of: int, said: str) -> None:
+    assert share_text(found / of) == said
+
+
+def test_a_share_of_nothing_is_a_dash() -> None:
+    assert share_text(float("nan")) == "-"

@@ -7,7 +7,7 @@ from core.metrics import WindowAnswers
 from labels.arrays import LabelArrays, label_arrays
 from labels.model import Label, LabelState
 from labels.score import TOLERANCES_PX, score_groups
-from labels.score_picture import TOLERANCES, measure_curves, score_svg
+from labels.score_picture import TOLERANCES, ScoreCurves, measure_curves, score_svg
 
 
 def example() -> tuple[WindowAnswers, LabelArrays]:
@@ -38,6 +38,14 @@ def test_the_picture_has_a_dot_for_each_error_and_is_proper_xml() -> None:
     names = [element.tag.rsplit("}")[-1] for element in root.iter()]
     assert names.count("polyline") == 2 and names.count("circle") == 8 + 1
     assert "a < b & c" in [element.text for element in root.iter()]
+
+
+def test_errors_beyond_the_scatter_are_counted() -> None:
+    answers, labels = example()
+    curves = measure_curves(answers, labels)
+    assert "3 beyond 4 px" in score_svg(curves, "4.5, 5.4 and 6.3 px")
+    within = ScoreCurves(curves.precision, curves.recall, curves.errors_px[:5])
+    assert "beyond" not in score_svg(within, "at most 3.6 px")
 
 
 def test_nothing_answered_and_nothing_labelled_are_pictures_too() -> None:

@@ -14,18 +14,20 @@ from typing import Any, Final, Literal
 
 from app import theme
 from app.background.child import ChildProcess, share_in
-from app.formatting import html_text, table_row
+from app.formatting import html_text, share_text, table_row
 from app.modes.tune.label_score import find_reference
+from app.modes.tune.settings import stage_counts_html
 from core.detection import DetectorConfig
 from core.detection.methods import Method
 from core.detection.saved import load_detector, save_detector
 from core.errors import CommandError, RallyscopeError
 from core.text import parse_json
-from core.tuning.objective import Figures
+from core.tuning.objective import Figures, measurably_differ
 
 TITLES: Final = ("windows", "config", "precision", "recall", "median error", "objective")
 CELL: Final = "padding-right:14px;white-space:nowrap"
 BAR_PX: Final = 60
+IMPORTANCE: Final = "Importance: how much of the difference between trials a threshold explains, changed in B or not."
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,11 +85,18 @@ def report_html(title: str, report: TuningReport) -> str:
     ]
     sides = f"<table>{_head(TITLES)}{''.join(rows)}</table>"
     thresholds = f"<table>{_head(('threshold', 'A', 'B', 'importance'))}{_thresholds(report)}</table>"
-    head = f"{html_text(title)}, {report.trials} trials. {_verdict(report)}"
+    if report.importance:
+        thresholds = f"<div>{thresholds}<div style='color:{theme.MUTED}'>{IMPORTANCE}</div></div>"
+    head = f"Result of {html_text(title)}, {report.trials} trials. {_verdict(report)}"
     return (
         f"<div style='font-size:12.5px;padding:4px 12px'>{head}"
         f"<div style='display:flex;gap:24px;align-items:flex-start'>{sides}{thresholds}</div></div>"
     )
+
+
+def running_html(title: str, state: str = "") -> str:
+    """HTML in place of a result while a search runs; `state` says how far it is."""
+    return stage_counts_html(f"Auto-tune runs: {html_text(title)}: {html_text(state or 'reading the recording')}")
 
 
 def _sides(values: Mapping[str, Mapping[str, Any]]) -> SidesFigures:
@@ -100,13 +109,15 @@ def _figures(values: Mapping[str, Any]) -> Figures:
 
 
 def _verdict(report: TuningReport) -> str:
-    start, best = report.start.held_out.objective, report.best.held_out.objective
+    before, after = report.start.held_out, report.best.held_out
+    figures = f"on the held-out windows ({before.objective:.4f} before, {after.objective:.4f} now)"
     if report.best_trial == 0:
         return f"<span style='color:{theme.MUTED}'>No better config was found: B equals A.</span>"
+    if not measurably_differ(before, after):
+        return f"<span style='color:{theme.MUTED}'>No measurable difference {figures}.</span>"
     if report.better_held_out:
-        return f"<span style='color:{theme.GOOD}'>B is also better on the held-out windows.</span>"
-    text = f"B is not better on the held-out windows ({start:.3f} before, {best:.3f} now): it is overfitted."
-    return f"<span style='color:{theme.BAD}'>{text}</span>"
+        return f"<span style='color:{theme.GOOD}'>B is also better {figures}.</span>"
+    return f"<span style='color:{theme.BAD}'>B is not better {figures}: it is overfitted.</span>"
 
 
 def _thresholds(report: TuningReport) -> str:
@@ -130,7 +141,8 @@ def _bar(share: float) -> str:
 def _row(side: str, config: str, figures: Figures) -> str:
     found = "-" if math.isnan(figures.median_error_px) else f"{figures.median_error_px:.2f} px"
     return table_row(
-        (side, config, f"{figures.precision:.3f}", f"{figures.recall:.3f}", found, f"{figures.objective:.3f}"), CELL
+        (side, config, share_text(figures.precision), share_text(figures.recall), found, f"{figures.objective:.4f}"),
+        CELL,
     )
 
 

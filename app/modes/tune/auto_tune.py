@@ -13,7 +13,7 @@ import viser
 from app.background.jobs import LoopJob, Progress
 from app.formatting import html_text
 from app.modes.mode import ModeHost
-from app.modes.tune.auto_run import Against, AutoTuneAnswer, AutoTuneRequest, report_html, run_auto_tune
+from app.modes.tune.auto_run import Against, AutoTuneAnswer, AutoTuneRequest, report_html, run_auto_tune, running_html
 from app.modes.tune.settings import stage_counts_html
 from app.panels.field_control import field_label, section_title
 from app.state.client_state import Configs
@@ -211,7 +211,7 @@ class AutoTune:
             self._shown_s = wall_s
             self.panel.show_progress(share, self._line)
             if self._line and self._request is not None:
-                self._show_result(stage_counts_html(html_text(f"{self._request.title}: {trial_words(self._line)}")))
+                self._show_result(running_html(self._request.title, trial_words(self._line)))
 
     def cancel(self) -> None:
         """Stop the search without an answer."""
@@ -229,7 +229,7 @@ class AutoTune:
             return
         form = self.panel.form
         request = AutoTuneRequest(
-            title=f"{state.recording}, {'all cameras' if form.all_cameras else state.camera}, {form.method}",
+            title=f"{form.method}, {state.recording}, {'all cameras' if form.all_cameras else state.camera}",
             recording=self._host.services.library.file_of(state.recording),
             uuid=recording.uuid,
             camera=state.camera,
@@ -267,6 +267,7 @@ class AutoTune:
                 self._line = line
 
         self._line, self._request = "", request
+        self._show_result(running_html(request.title))
         self.panel.show_running(True)
         self._job.start(work, lambda answer: self._done(request, answer))
 

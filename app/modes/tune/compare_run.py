@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app import theme
-from app.formatting import html_text, table_row
+from app.formatting import html_text, share_text, table_row
 from app.modes.tune.label_score import labels_to_score
 from app.pictures.palette import METHOD_RGB
 from app.state.client_state import Slot
@@ -185,7 +185,7 @@ def run_comparison(
 
 MAX_STRETCHES: Final = 40
 """Most intervals that get a button; the longest ones are taken."""
-CELL: Final = "padding-right:8px;white-space:nowrap"
+CELL: Final = "padding:0 5px 0 0;white-space:nowrap"
 
 
 def comparison_html(answer: CompareAnswer) -> str:
@@ -195,7 +195,7 @@ def comparison_html(answer: CompareAnswer) -> str:
     titles = ("", "shared" if agreement else "recall", "precision", "px p50 / p95", "ms p50 / p99")
     in_time = answer.kind == "truth"
     titles = (*titles, "live px", "age ms") if in_time else titles
-    head = table_row(titles, f"text-align:left;font-weight:500;{CELL}", tag="th")
+    head = table_row(titles, f"text-align:left;font-weight:500;{CELL};white-space:normal", tag="th")
     rows = "".join(_row(one) for one in answer.methods)
     counted = f"against {name}, counted as in Score: a ball counts as found within 8 px"
     if in_time:
@@ -213,7 +213,7 @@ def comparison_html(answer: CompareAnswer) -> str:
     muted = f"color:{theme.MUTED}"
     return (
         f"<div style='font-size:12px;padding:4px 8px'>{html_text(answer.title)}"
-        f"<table>{head}{rows}</table>"
+        f"<div style='overflow-x:auto;font-size:11px'><table>{head}{rows}</table></div>"
         f"<div style='{muted}'>{counted}. ms: processor time of a window of each method's own length.</div></div>"
     )
 
@@ -259,19 +259,16 @@ def _row(one: ComparedMethod) -> str:
     delay = "" if in_time is None else f"; delay taken out: {judged.delay_us} us"
     live = () if in_time is None else (_number(in_time.moved_median_px), _number(1e-3 * in_time.age_median_us))
     cells = (
-        f"<span style='color:{method_css(one.method)}'>●</span> {html_text(one.method)}"
-        f"<br><span style='color:{theme.MUTED};white-space:normal'>{html_text(one.config + delay)}</span>",
-        _ratio(judged.recall),
-        _ratio(judged.precision),
+        f"<span style='color:{method_css(one.method)}'>●</span> {html_text(one.method)}",
+        share_text(judged.recall),
+        share_text(judged.precision),
         f"{_number(judged.error_at(50))} / {_number(judged.error_at(95))}",
         f"{_number(1e3 * judged.step_at(50))} / {_number(1e3 * judged.step_at(99))}",
         *live,
     )
-    return table_row(cells, CELL)
-
-
-def _ratio(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.3f}"
+    # In a row of its own: beside the figures it is a column of single words.
+    config = f"<tr><td colspan='{len(cells)}' style='color:{theme.MUTED}'>{html_text(one.config + delay)}</td></tr>"
+    return table_row(cells, CELL) + config
 
 
 def _number(value: float) -> str:

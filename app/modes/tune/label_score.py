@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from app.formatting import html_text, table_row
+from app.formatting import html_text, share_text, table_row
 from core.detection import DetectorConfig
 from core.detection.methods import Method, make_detector, method_config
 from core.metrics.at_times import answers_at
@@ -132,7 +132,7 @@ def _row(group: GroupScore) -> str:
     cells = (
         group.group,
         group.labels,
-        *(f"{_figure(at.precision, '.3f')} / {_figure(at.recall, '.3f')}" for at in group.at),
+        *(f"{share_text(at.precision)} / {share_text(at.recall)}" for at in group.at),
         _figure(group.median_px, ".2f", " px"),
         _figure(group.p95_px, ".2f", " px"),
         _figure(group.along_px, "+.2f", " px"),

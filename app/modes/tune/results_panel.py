@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Final
 
 import numpy as np
@@ -106,8 +106,14 @@ LISTED = 40
 PICK_PX = 6.0
 """Largest distance of a click from a candidate's nearest event that selects it."""
 TIGHT: Final = "font-size:12.5px;line-height:15px;padding:0 12px;margin-top:-6px"
-CELL: Final = "padding:0"
-"""CSS of a table cell: four clusters fit into a window of 1280x720 without scrolling."""
+CELL: Final = "padding:0 10px 0 0;white-space:nowrap"
+"""CSS of a table cell: no height is spent, so that four clusters fit into a window of 1280x720 without scrolling."""
+PAIR_PX: Final = 400
+"""Two answers stand side by side if each gets this width: below the first, the second would be out of sight."""
+REASONS_PX: Final = 130
+"""Width of a column of reasons, which would else wrap at each word."""
+ROWS_PX: Final = 300
+"""A residual plot that would leave less to the rows goes below them."""
 
 
 class CandidatesTable:
@@ -133,7 +139,8 @@ class CandidatesTable:
             answer_html(title if several else "", answer, picked_px, misses_px[number] if misses_px else None)
             for number, (title, answer) in enumerate(answers)
         )
-        self._show(f"{''.join(tables)}{stage_counts_html(f'picture made in {seconds * 1e3:.0f} ms')}")
+        shown = side_by_side_html(tables) if several else "".join(tables)
+        self._show(f"{shown}{stage_counts_html(f'picture made in {seconds * 1e3:.0f} ms')}")
 
     def show_verdicts(self, answers: tuple[tuple[str, WindowAnswer], ...], seconds: float) -> None:
         """Show only what each of several methods answers."""
@@ -147,6 +154,13 @@ class CandidatesTable:
         """Show why nothing is found in the whole recording; nothing if empty."""
         self._nothing.content = answer_of_window_html(content)
         self._nothing.visible = bool(content)
+
+
+def side_by_side_html(answers: Iterable[str]) -> str:
+    """HTML of answers beside each other, or below where the panel is narrow."""
+    cells = "".join(f"<div style='flex:1 1 {PAIR_PX}px;min-width:0'>{one}</div>" for one in answers)
+    # The rows' own negative margin would draw a wrapped answer over the end of the one above it.
+    return f"<div style='display:flex;flex-wrap:wrap;row-gap:8px'>{cells}</div>"
 
 
 def answer_of_window_html(content: str) -> str:
@@ -233,8 +247,9 @@ def candidates_html(
     """HTML of the candidates of one window; the selected one comes first, highlighted, with its residuals."""
     verdict = _verdict(trace.detection, distance_px)
     ordered = sorted(trace.candidates, key=lambda one: (one.label != picked, bool(one.reasons), -one.order))
-    titles = ("", trace.noun, *trace.titles, "verdict")
-    head = table_row(titles, f"{CELL};padding-right:6px;text-align:left;font-weight:500;color:{theme.MUTED}", tag="th")
+    # Before the figures: in the half of a panel the last columns are reached by scrolling only.
+    titles = ("", trace.noun, "verdict", *trace.titles)
+    head = table_row(titles, f"{CELL};text-align:left;font-weight:500;color:{theme.MUTED}", tag="th")
     rows = "".join(_candidate_row(candidate, candidate.label == picked) for candidate in ordered[:LISTED])
     more = f"<div>and {len(ordered) - LISTED} more</div>" if len(ordered) > LISTED else ""
     label = f"{html_text(name)}: " if name else ""
@@ -247,8 +262,9 @@ def candidates_html(
     shown = next((one for one in ordered if one.residuals is not None), None)
     plot = residuals_html(trace.noun, shown.label, shown.residuals) if shown is not None and shown.residuals else ""
     table = f"<table style='width:100%;border-spacing:0'>{head}{rows}</table>" if rows else ""
-    rows_html = f"<div style='flex:1;min-width:0'>{summary}{table}{more}</div>"
-    return f"<div style='{TIGHT};display:flex;gap:12px'>{rows_html}{plot}</div>"
+    scrolled = f"<div style='overflow-x:auto'>{table}</div>"
+    rows_html = f"<div style='flex:1 1 {ROWS_PX}px;min-width:0'>{summary}{scrolled}{more}</div>"
+    return f"<div style='{TIGHT};display:flex;flex-wrap:wrap;gap:0 12px'>{rows_html}{plot}</div>"
 
 
 def reasons_html(reasons: Sequence[Reason | ReasonCount]) -> str:
@@ -273,7 +289,9 @@ def _candidate_row(candidate: CandidateRow, picked: bool) -> str:
         if candidate.reasons
         else f"<span style='color:{theme.GOOD}'>{html_text(candidate.verdict)}</span>"
     )
-    cells = (swatch, candidate.label, *map(html_text, candidate.figures), verdict)
+    least_px = REASONS_PX if candidate.reasons else 0
+    wrapped = f"<span style='white-space:normal;display:inline-block;min-width:{least_px}px'>{verdict}</span>"
+    cells = (swatch, candidate.label, wrapped, *map(html_text, candidate.figures))
     return table_row(cells, CELL, row_style="background:rgba(255,140,40,0.25)" if picked else "")
 
 
@@ -316,7 +334,7 @@ def residuals_html(noun: str, label: int, residuals: Residuals) -> str:
         f"<div style='flex:none;position:sticky;top:0;align-self:flex-start;width:{width}px' title='{legend}'>"
         f"<div style='color:{theme.MUTED};font-size:11px'>residuals of {noun} {label}, ±{PLOT_SPAN_PX:g} px, "
         f"-180° to 180°</div><svg width='{width}' height='{height}' role='img' "
-        f"aria-label='residuals: {legend}' style='display:block'>{limits}{dots}</svg></div>"
+        f"aria-label='residuals: {legend}' style='display:block;overflow:hidden'>{limits}{dots}</svg></div>"
     )
 
 

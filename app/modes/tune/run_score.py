@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.formatting import html_text, table_row
+from app.formatting import html_text, share_text, table_row
 from core.detection import DetectorConfig
 from core.detection.methods import Method, make_detector, method_config
 from core.metrics.compare import ClassifiedRun, MethodRun, judge_run, judge_whole_run, whole_reference
@@ -63,8 +63,8 @@ def run_scores_html(rows: list[str]) -> str:
     return (
         "<div style='font-size:12.5px;padding:4px 12px'>"
         f"<table style='width:100%'>{head}{''.join(rows)}</table>"
-        "Reference, as in Compare over time: the truth of the camera; Score the detector in Label takes labels. Every "
-        "millisecond with the whole ball in view for 10 ms asks for a ball, "
+        "Judged against the simulation's truth, as in Compare over time. To judge against labels use Label, Score the "
+        "detector. Every millisecond with the whole ball in view for 10 ms asks for a ball, "
         "which is found within 8 px of the truth at the answer's own time, less one delay of sensor and "
         "method, which is measured and taken out. Live: the newest answer that a robot would "
         "have; its median age, its median error as it is, and extrapolated with the ball's velocity.</div>"
@@ -78,8 +78,8 @@ def run_score_row(title: str, score: RunScore, added_us: float) -> str:
     found, asked = int(judged.found.sum()), len(judged.found)
     cells = (
         html_text(title),
-        _ratio(judged.precision),
-        _ratio(judged.recall),
+        share_text(judged.precision),
+        share_text(judged.recall),
         _pixels(judged.error_at(50)),
         _pixels(judged.error_at(95)),
         found,
@@ -87,15 +87,11 @@ def run_score_row(title: str, score: RunScore, added_us: float) -> str:
         int((~judged.right).sum()),
         f"{judged.delay_us} us",
         f"{1e-3 * in_time.age_median_us:.2f} ms" if math.isfinite(in_time.age_median_us) else "-",
-        _ratio(score.recall_in_time(added_us)),
+        share_text(score.recall_in_time(added_us)),
         _pixels(in_time.held_median_px),
         _pixels(in_time.moved_median_px),
     )
     return table_row(cells)
-
-
-def _ratio(value: float) -> str:
-    return f"{value:.3f}" if math.isfinite(value) else "-"
 
 
 def _pixels(value: float) -> str:

@@ -117,7 +117,7 @@ def zoom_follows_the_ball_and_a_click_centres_it_elsewhere(tune) -> None:
     sensor = tune.session.recording.cameras[tune.state.camera].sensor
     eventually(lambda: has_shape_of_middle(tune, sensor.height_px / 8), "the zoomed view, as wide as the middle")
     region = region_of(tune)
-    truth = tune.page.get_by_text("ball at").first.inner_text()
+    truth = tune.page.get_by_text("ball at (").first.inner_text()
     u, v = map(float, re.findall(r"\d+\.\d", truth)[:2])
     middle_px = region.x + (region.width - 1) / 2, region.y + (region.height - 1) / 2
     assert abs(middle_px[0] - u) <= 1 and abs(middle_px[1] - v) <= 1

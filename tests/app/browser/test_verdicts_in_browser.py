@@ -67,10 +67,10 @@ def test_changed_settings_of_all_methods_are_marked_and_tuning_asks_before_it_re
     tune.press("B")
     eventually(lambda: tune.state.tune.slot == "B", "slot B")
     tune.fill(tune.field("radius max [px]"), "17")
-    page.get_by_text("1 setting changed from default: auto B").wait_for()
+    page.get_by_text("1 setting changed from default: B of auto").wait_for()
     tune.session.send(SetMethod("refined"))
     tune.page.get_by_text("moves (").first.wait_for()
-    assert page.get_by_text("1 setting changed from default: auto B").is_visible(), "another method hides nothing"
+    assert page.get_by_text("1 setting changed from default: B of auto").is_visible(), "another method hides nothing"
     tune.press("Show")
     eventually(lambda: (tune.state.tune.method, tune.state.tune.slot) == ("auto", "B"), "the changed config")
     page.get_by_text("Auto-tune", exact=True).first.click()

@@ -32,13 +32,13 @@ CHANGES = (
 def test_changes_of_all_methods_are_counted_and_reset_of_one_method_leaves_the_others_marked() -> None:
     assert changed_words(changed_configs(fresh())) == ""
     state = after(fresh(), *CHANGES)
-    assert changed_words(changed_configs(state)) == "3 settings changed from default: auto A (2), refined B (1)"
+    assert changed_words(changed_configs(state)) == "3 settings changed from default: A of auto (2), B of refined (1)"
     reset = after(state, ResetConfig())
-    assert changed_words(changed_configs(reset)) == "2 settings changed from default: auto A"
+    assert changed_words(changed_configs(reset)) == "2 settings changed from default: A of auto"
     everything = after(state, ResetAllConfigs())
     assert changed_words(changed_configs(everything)) == ""
     undone = after(everything, SetMethod("auto"), Undo())
-    assert changed_words(changed_configs(undone)) == "2 settings changed from default: auto A"
+    assert changed_words(changed_configs(undone)) == "2 settings changed from default: A of auto"
 
 
 def test_show_goes_round_through_the_changed_configs() -> None:

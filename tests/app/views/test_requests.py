@@ -17,7 +17,7 @@ from app.views.stage_picture import draw_stage
 from core.config import replace_setting
 from core.detection import DetectorConfig
 from core.detection.method_trace import MethodTrace
-from core.detection.methods import VIEWS, method_config
+from core.detection.methods import VIEWS, Method, method_config
 from core.recordings import CameraStream, open_recording
 
 BALL_US = 300_000
@@ -50,6 +50,15 @@ def test_the_view_stays_where_the_ball_was_when_a_threshold_rejects_it(stream: C
     lost, (rejecting,) = render_tune(request(stream, TOO_LARGE, (ball.u_px, ball.v_px)))
     assert rejecting.detection is None
     assert lost.pictures[0].region == sheet.pictures[0].region
+
+
+@pytest.mark.parametrize("method", ["auto", "refined"])
+def test_the_caption_says_for_when_the_ball_is(stream: CameraStream, method: Method) -> None:
+    wanted = replace(request(stream, method_config(method)), view=replace(ZOOMED, method=method))
+    sheet, (answer,) = render_tune(wanted)
+    assert answer.detection is not None
+    captions = [text.text for text in sheet.texts if f"{method}, config A" in text.text]
+    assert [f"ball at {answer.valid_us / 1e3:.3f} ms" in caption for caption in captions] == [True]
 
 
 def test_the_view_of_a_method_without_stages_stays_too(stream: CameraStream) -> None:
@@ -96,7 +105,7 @@ def test_a_click_on_a_cluster_brings_its_row_to_the_top(lost: MethodTrace) -> No
     table = candidates_html("", lost, smallest.label)
     first = table.split("<tr")[2]
     cells = [cell.split(">")[1].split("<")[0] for cell in first.split("<td")]
-    assert cells[2:4] == [str(smallest.label), f"{smallest.order:.0f}"] and "background" in first
+    assert cells[2] == str(smallest.label) and cells[4] == f"{smallest.order:.0f}" and "background" in first
     assert table.count("background") == 1
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from core.metrics.grid_score import GridScore
-from core.tuning.objective import WORST, SplitScore, figures_of
+from core.tuning.objective import WORST, SplitScore, figures_of, measurably_differ
 
 
 def counts(*, asked: int = 100, found: int = 90, answers: int = 95, false: int = 5, error_px: float = 1.0) -> GridScore:
@@ -37,3 +37,13 @@ def test_what_finds_nothing_is_the_worst_whether_it_says_something_or_not() -> N
 def test_scores_of_cameras_add_up_on_each_side() -> None:
     both = SplitScore(counts(), counts(asked=10, found=0)) + SplitScore(counts(found=70), counts(asked=5))
     assert (both.tuned.asked, both.tuned.found, both.held_out.asked) == (200, 160, 15)
+
+
+@pytest.mark.parametrize(
+    ("found", "error_px", "differs"), [(90, 1.0, False), (89, 1.0, False), (86, 1.0, True), (90, 1.2, False)]
+)
+def test_one_ball_or_a_hundredth_of_a_pixel_is_no_measurable_difference(
+    found: int, error_px: float, differs: bool
+) -> None:
+    first, second = figures_of(counts()), figures_of(counts(found=found, error_px=error_px))
+    assert measurably_differ(first, second) is measurably_differ(second, first) is differs

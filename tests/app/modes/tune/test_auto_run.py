@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from app import theme
 from app.modes.tune.auto_run import (
     AutoTuneCancelledError,
     AutoTuneRequest,
@@ -14,6 +15,7 @@ from app.modes.tune.auto_run import (
     read_report,
     report_html,
     run_auto_tune,
+    running_html,
     tune_command,
 )
 from core.config import replace_setting
@@ -116,7 +118,8 @@ def test_both_sides_stand_below_each_other_with_what_was_changed() -> None:
         "64 trials",
     ):
         assert words in text
-    assert text.index("0.610") < text.index("0.910") < text.index("0.700") < text.index("0.750")
+    at = [text.index(f">{objective}<") for objective in ("0.6100", "0.9100", "0.7000", "0.7500")]
+    assert at == sorted(at)
     assert "geometry.solidity_min" in text and "as it was" in text and "serve &lt;1&gt;" in text
 
 
@@ -128,7 +131,7 @@ def test_what_was_changed_comes_first_then_what_counts_most() -> None:
 
 def test_it_says_whether_the_result_holds_where_nothing_was_tuned() -> None:
     assert "also better on the held-out windows" in shown(read_report(said()))
-    assert "not better on the held-out windows (0.700 before, 0.650 now)" in shown(read_report(said(held_out=0.65)))
+    assert "not better on the held-out windows (0.7000 before, 0.6500 now)" in shown(read_report(said(held_out=0.65)))
     assert "No better config was found" in shown(read_report(said(best_trial=0)))
 
 
@@ -143,3 +146,29 @@ def test_what_has_no_number_is_a_dash_and_what_was_changed_is_escaped() -> None:
 def test_what_is_no_report_is_refused(line: str) -> None:
     with pytest.raises(ValueError, match=r".*"):
         read_report(line)
+
+
+def test_a_share_that_is_not_whole_never_reads_1() -> None:
+    almost = {side: figures(0.997, precision=2183 / 2184, recall=1.0) for side in ("tuned", "held_out")}
+    text = shown(read_report(said(best=almost)))
+    assert "0.999" in text and text.count("1.000") == 2, "the two recalls"
+
+
+def test_what_reads_alike_on_the_held_out_windows_is_not_called_better() -> None:
+    before = {"tuned": figures(0.9), "held_out": figures(0.9970, balls=2184)}
+    for after, words in ((0.9971, "No measurable difference"), (0.9985, "B is also better"), (0.99, "B is not better")):
+        best = {"tuned": figures(0.95), "held_out": figures(after, balls=2184)}
+        text = shown(read_report(said(start=before, best=best, better_held_out=after > 0.997)))
+        assert f"{words} on the held-out windows (0.9970 before, {after:.4f} now)" in text
+        assert (theme.GOOD in text) is (after == 0.9985)
+
+
+def test_a_result_names_its_method_and_says_what_importance_means() -> None:
+    assert "Result of serve &lt;1&gt;" in shown(read_report(said()))
+    assert "changed in B or not" in shown(read_report(said()))
+    assert "changed in B or not" not in shown(read_report(said(importance={})))
+
+
+def test_a_running_search_is_shown_before_its_first_trial() -> None:
+    assert "Auto-tune runs: refined, &lt;a&gt;: reading the recording" in running_html("refined, <a>")
+    assert "trial 2 of 9" in running_html("refined", "trial 2 of 9")

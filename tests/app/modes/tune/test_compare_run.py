@@ -73,6 +73,7 @@ def test_with_truth_the_curves_and_the_table_are_of_errors(stream, tmp_path: Pat
     shown = [method for method, curve in zip(METHODS, columns["recall"], strict=True) if np.isfinite(curve).any()]
     assert shown == ["auto", "refined"]
     said = comparison_html(answer)
+    assert "<div style='overflow-x:auto;font-size:11px'><table>" in said, "the panel is narrow"
     assert "against the truth" in said and "agreement" not in said and "&lt;serve&gt;" in said
     assert "delay taken out: " in said and "live px" in said
     slower = run(dataclasses.replace(request_of(stream, tmp_path), added_us=8000.0))

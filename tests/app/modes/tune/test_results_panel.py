@@ -1,9 +1,11 @@
 """What Tune says of one window, and of the stages that led to it."""
 
+import re
+
 import numpy as np
 import pytest
 
-from app.modes.tune.results_panel import candidates_html
+from app.modes.tune.results_panel import candidates_html, side_by_side_html
 from app.modes.tune.settings import count_html
 from core.detection.method_trace import CandidateRow, MethodTrace, StageCount, View
 
@@ -26,6 +28,22 @@ def test_a_table_has_a_head_only_above_rows(rows: int, tables: int) -> None:
     html = candidates_html("", make_trace(rows))
     assert html.count("<th") == tables * 4 and html.count("<table") == tables
     assert f"{rows} fits" in html
+
+
+def test_figures_have_a_gap_and_stay_on_one_line() -> None:
+    html = candidates_html("", make_trace(1))
+    cells = re.findall(r"<t[dh] style='([^']*)'", html)
+    assert cells and all("padding:0 10px 0 0" in style and "white-space:nowrap" in style for style in cells)
+
+
+def test_the_verdict_stands_before_the_figures() -> None:
+    html = candidates_html("", make_trace(1))
+    assert html.index("verdict") < html.index("points") and html.rindex(">ball<") < html.index(">7<")
+
+
+def test_two_answers_stand_side_by_side_and_do_not_overlap_where_they_wrap() -> None:
+    html = side_by_side_html(["<b>A</b>", "<b>B</b>"])
+    assert "flex-wrap:wrap;row-gap:8px" in html and html.count("<div style='flex:1 1 ") == 2
 
 
 def test_a_single_candidate_is_a_row_and_needs_no_count() -> None:

@@ -50,7 +50,7 @@ def test_score_and_compare_count_alike_and_name_the_same_config(serve_recording:
         assert f"{score.judged.delay_us} us" in row
         assert f"{compared.judged.recall:.3f}" in row and f"{score.judged.precision:.3f}" in row
         assert score.recall_in_time(0.0) > score.recall_in_time(200_000.0), "an answer 0.2 s late is of no use"
-        assert "Compare over time" in run_scores_html([row])
+        assert "Judged against the simulation's truth, as in Compare over time." in run_scores_html([row])
         table = comparison_html(answer)
         assert "B: localise.radius_max_px 8.5" in table and f"{compared.judged.recall:.3f}" in table
 
