@@ -66,7 +66,7 @@ def find_missed_ball(request: MissedBallRequest) -> MissedBall | None:
     unseen = _unseen(request.recording, steps)
     last = unseen[-1] if unseen else None
     outcomes = history.outcomes_between(start_us - 1, t_us)
-    lost = [one for one in outcomes if one.followed and one.spot.case != Case.RETURNED]
+    lost = [one for one in outcomes if one.counted and one.spot.case != Case.RETURNED]
     # The newest failure first; an unseen ball after it is newer still, and counts instead.
     for outcome in reversed(lost):
         end_us = outcome.t_us if outcome.t_us > outcome.serve_us else outcome.serve_us + BALL_US

@@ -129,13 +129,15 @@ class ReturnCounts:
         with self._lock:
             self._begun = conditions
 
-    def end_ball(self, conditions: BallConditions, *, returned: bool) -> None:
-        """End the ball that was served last, with its outcome."""
+    def end_ball(self, conditions: BallConditions, *, returned: bool) -> bool:
+        """End the ball that was served last, with its outcome; returns whether it counts."""
         with self._lock:
             begun, self._begun = self._begun, None
-            if begun == conditions:
-                balls, back = self._counts.get(conditions, (0, 0))
-                self._counts[conditions] = (balls + 1, back + returned)
+            if begun != conditions:
+                return False
+            balls, back = self._counts.get(conditions, (0, 0))
+            self._counts[conditions] = (balls + 1, back + returned)
+            return True
 
     def drop_ball(self) -> None:
         """Do not count the current ball: its session is over."""

@@ -241,14 +241,14 @@ def _last(outcomes: tuple[Outcome, ...]) -> str:
     if not outcomes:
         return "-"
     last = outcomes[-1]
-    if not last.followed:
-        return muted("served before the chain followed: not counted")
+    if not last.counted:
+        return muted("not followed, or something changed during it: not counted")
     where = f", {last.spot.x_m:.2f} / {last.spot.y_m:+.2f} m" if math.isfinite(last.spot.x_m) else ""
     return f"<span style='color:rgb{CASE_RGB[last.spot.case]}'>{CASE_NAMES[last.spot.case]}</span>{where}"
 
 
 def _balls(outcomes: tuple[Outcome, ...]) -> str:
-    cases = [outcome.spot.case for outcome in outcomes if outcome.followed]
+    cases = [outcome.spot.case for outcome in outcomes if outcome.counted]
     if not cases:
         return "-"
     returned = cases.count(Case.RETURNED)

@@ -80,7 +80,7 @@ def test_a_ball_that_was_seen_and_did_not_come_back_is_looked_at_when_it_was_to_
 def test_a_ball_that_nobody_followed_is_not_looked_at() -> None:
     history = RallyHistory()
     add_steps(history, {})
-    history.add_outcome(replace(outcome(Case.MISSED, 300_000, 90_000), followed=False))
+    history.add_outcome(replace(outcome(Case.MISSED, 300_000, 90_000), counted=False))
     assert find(recording_with_truth(), history, 400_000) is None
 
 
