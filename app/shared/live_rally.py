@@ -348,7 +348,8 @@ class LiveRally:
             else:  # nobody could play it: the detector is still being compiled, or far behind
                 self.returns.drop_ball()
         elif isinstance(notice, m.OutcomeNotice):
-            counted = self.returns.end_ball(conditions, returned=notice.case == Case.RETURNED)
+            returned = notice.case == Case.RETURNED
+            counted = self.returns.end_ball(conditions, returned=returned, speed_mps=notice.speed_mps)
             x, y, _ = notice.landing_m
             spot = LandingSpot(x, y, notice.case)
             self.rows.add_outcome(notice, self.player.controller.name)

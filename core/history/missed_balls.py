@@ -36,6 +36,8 @@ class MissedBall:
     kind: Literal["not seen", "not returned"]
     unseen_us: int = 0
     """Length of the gap in that camera; 0 if it was seen."""
+    skipped_us: int = 0
+    """Time of the flight that the chain did not get: its machine was busy, and skipped blocks."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,15 +75,22 @@ def find_missed_ball(request: MissedBallRequest) -> MissedBall | None:
         if last is not None and last.t_us > end_us:
             break
         during = [one for one in unseen if outcome.serve_us <= one.t_us <= end_us]
+        hit_us = _hit_us(history.predicted_hits(), outcome, end_us)
+        skipped_us = _skipped_us(steps, outcome.serve_us, hit_us)
         if during:
             worst = max(during, key=lambda one: one.unseen_us)
-            return MissedBall(worst.t_us, worst.camera, "not returned", worst.unseen_us)
-        hit_us = _hit_us(history.predicted_hits(), outcome, end_us)
+            return MissedBall(worst.t_us, worst.camera, "not returned", worst.unseen_us, skipped_us)
         if hit_us <= t_us:
             inside = [step for step in steps if outcome.serve_us <= step.t_us <= hit_us]
             camera = min(request.recording.cameras, key=lambda name: sum(name in step.circles for step in inside))
-            return MissedBall(hit_us, camera, "not returned")
+            return MissedBall(hit_us, camera, "not returned", skipped_us=skipped_us)
     return last
+
+
+def _skipped_us(steps: Sequence[RallyStep], start_us: int, end_us: int) -> int:
+    """Sum of the gaps between the steps of a flight."""
+    gaps_us = np.diff(np.array([step.t_us for step in steps if start_us <= step.t_us <= end_us], np.int64))
+    return int(gaps_us[gaps_us > GAP_US].sum())
 
 
 def _unseen(recording: Recording, steps: Sequence[RallyStep]) -> list[MissedBall]:

@@ -84,6 +84,16 @@ def test_a_ball_that_nobody_followed_is_not_looked_at() -> None:
     assert find(recording_with_truth(), history, 400_000) is None
 
 
+def test_a_ball_of_which_blocks_were_skipped_says_how_much() -> None:
+    history, whole = RallyHistory(), RallyHistory()
+    add_steps(whole, {"left": (180_000, 200_000)})
+    for step in whole.steps_between(0, 400_000):
+        if not 150_000 < step.t_us <= 170_000:
+            history._steps.add(step.t_us, step)
+    history.add_outcome(outcome(Case.MISSED, 300_000, 90_000))
+    assert find(recording_with_truth(), history, 400_000) == MissedBall(190_000, "left", "not returned", 20_000, 22_000)
+
+
 def test_the_later_of_two_is_the_one() -> None:
     history = RallyHistory()
     add_steps(history, {"right": (330_000, 350_000)})
