@@ -62,6 +62,11 @@ class SimulationProcess:
             raise LinkError("the simulation did not start", got=self._child.last_words, remedy=remedy)
         return self._address
 
+    @property
+    def is_alive(self) -> bool:
+        """Whether the process has not ended."""
+        return self._child.is_alive
+
     def stop(self) -> None:
         """End the simulation's process."""
         self._child.stop()
@@ -152,6 +157,11 @@ class LiveRally:
         """Report of the calibration drift in this session."""
         drift = self._drift
         return DriftReport() if drift is None else drift.report
+
+    @property
+    def simulation_lives(self) -> bool:
+        """Whether the source is a simulation whose process is ours, and has not ended."""
+        return self._process is not None and self._process.is_alive
 
     @property
     def recorded(self) -> Path | None:
