@@ -55,6 +55,9 @@ def missed_html(missed: MissedBall, *, copies: bool) -> str:
     elif missed.skipped_us:  # the detector had nothing to look at, and begins anew after it
         text = f"the ball was not returned; {missed.skipped_us / 1e3:.0f} ms of its flight were skipped: this machine "
         text += "was busy, and the racket's command came late. Choose a slower Pace"
+    elif missed.away_m:
+        text = f"the ball was not returned; the racket was still {1e3 * missed.away_m:.0f} mm from where it was sent: "
+        text += "the command came late, or asked for too much"
     elif missed.unseen_us:
         text = f"the ball was not returned; the detector missed it in {camera} for {ms:.0f} ms"
     else:

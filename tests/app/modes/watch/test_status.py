@@ -138,6 +138,9 @@ def test_a_ball_that_one_camera_did_not_see_is_not_said_to_be_lost() -> None:
 def test_a_ball_of_which_blocks_were_skipped_is_no_fault_of_the_detector() -> None:
     late = missed_html(MissedBall(3_120_000, "left", "not returned", 14_000, 30_000), copies=False)
     assert "30 ms of its flight were skipped: this machine was busy" in late and "detector" not in late
+    away = missed_html(MissedBall(3_120_000, "left", "not returned", 14_000, 0, 0.12), copies=False)
+    assert "the racket was still 120 mm from where it was sent: the command came late" in away
+    assert "detector" not in away
 
 
 def test_a_lost_simulation_and_a_slow_one_are_bad(snapshot) -> None:
