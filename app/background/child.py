@@ -46,6 +46,11 @@ class ChildProcess:
         self._reader.start()
 
     @property
+    def is_alive(self) -> bool:
+        """Whether it has not ended."""
+        return self._process.poll() is None
+
+    @property
     def last_words(self) -> str:
         """Last line of its output."""
         return self._lines[-1] if self._lines else "no output"

@@ -62,6 +62,11 @@ class SimulationProcess:
             raise LinkError("the simulation did not start", got=self._child.last_words, remedy=remedy)
         return self._address
 
+    @property
+    def is_alive(self) -> bool:
+        """Whether the process has not ended."""
+        return self._child.is_alive
+
     def stop(self) -> None:
         """End the simulation's process."""
         self._child.stop()
@@ -121,8 +126,6 @@ class LiveRally:
         self._watched, self._awake = True, True
         self._keeping, self._keepers = threading.Lock(), 0
         self._forgotten_us = 0
-        self._follows_ball = False
-        """Whether the ball in play was followed from its serve on."""
         # In this order: when the rally hears of a block itself, the recording has it.
         source.add_listener(self.watch)
         source.add_listener(self.recording)
@@ -154,6 +157,11 @@ class LiveRally:
         """Report of the calibration drift in this session."""
         drift = self._drift
         return DriftReport() if drift is None else drift.report
+
+    @property
+    def simulation_lives(self) -> bool:
+        """Whether the source is a simulation whose process is ours, and has not ended."""
+        return self._process is not None and self._process.is_alive
 
     @property
     def recorded(self) -> Path | None:
@@ -200,6 +208,7 @@ class LiveRally:
             if awake == self._awake:
                 return
             self._awake = awake
+            self.returns.drop_ball()  # nobody sees the whole of the ball in play
             if awake:
                 self.watch.wake()
                 self.player.wake()
@@ -315,7 +324,7 @@ class LiveRally:
             self._outcome_classifier.begin_anew()
         self.rows.clear()
         self.returns.drop_ball()
-        self._session, self._forgotten_us, self._follows_ball = welcome.session, 0, False
+        self._session, self._forgotten_us = welcome.session, 0
         self.bodies, self._scene = PlayedBodies(), None
         self._drift = None
 
@@ -344,19 +353,17 @@ class LiveRally:
         """Count the balls, and store landing points."""
         conditions = BallConditions(self.player.controller.name, self._scene or "")
         if isinstance(notice, m.ServeNotice):
-            self._follows_ball = was_followed(notice, self.player.snapshot)
-            if self._follows_ball:
+            if was_followed(notice, self.player.snapshot):
                 self.returns.begin_ball(conditions)
             else:  # nobody could play it: the detector is still being compiled, or far behind
                 self.returns.drop_ball()
         elif isinstance(notice, m.OutcomeNotice):
-            self.returns.end_ball(conditions, returned=notice.case == Case.RETURNED)
+            returned = notice.case == Case.RETURNED
+            counted = self.returns.end_ball(conditions, returned=returned, speed_mps=notice.speed_mps)
             x, y, _ = notice.landing_m
             spot = LandingSpot(x, y, notice.case)
             self.rows.add_outcome(notice, self.player.controller.name)
-            self.history.add_outcome(
-                Outcome(notice.t_us, notice.serve_us, notice.speed_mps, spot, followed=self._follows_ball)
-            )
+            self.history.add_outcome(Outcome(notice.t_us, notice.serve_us, notice.speed_mps, spot, counted=counted))
 
     def _on_step(self, session: str, state: PlayerState, decision: RacketDecision | None) -> None:
         """Handle a step, in the player's thread."""

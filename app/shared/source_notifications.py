@@ -14,6 +14,11 @@ from core.robot import RobotStatus
 LOOK_EVERY_S: Final = 0.5
 STOPPED: Final = "The live source has stopped"
 CHANGES: Final = "Changing the scene ..."
+SLOW: Final = "The simulation is slow"
+HUNG_S: Final = 10.0
+"""Silence of a living simulation after which it counts as stopped: a busy machine holds one up for seconds."""
+CALM: Final = {CHANGES, SLOW}
+"""Titles that are no problem: they are blue, and their end is not reported."""
 BACK: Final = {STOPPED: "The live source is back."}
 """Texts of resolved problems; others have a general one."""
 
@@ -39,8 +44,9 @@ class SourceNotifications:
             return []
         self._looked_s = wall_s
         robot = None if live.robot is None else live.robot.status
-        changes = live.is_changing_scene
-        return self.compare(live.source.status, live.watch.health(), robot, live.drift, changes_scene=changes)
+        changes, lives = live.is_changing_scene, live.simulation_lives
+        health = live.watch.health()
+        return self.compare(live.source.status, health, robot, live.drift, changes_scene=changes, lives=lives)
 
     def compare(
         self,
@@ -50,30 +56,38 @@ class SourceNotifications:
         drift: DriftReport | None = None,
         *,
         changes_scene: bool = False,
+        lives: bool = False,
     ) -> list[Notification]:
         """Notifications about new and resolved problems; each is shown once.
 
         `changes_scene`: somebody asked the simulation for another scene, so that no data arrives is no problem.
+        `lives`: the source is a simulation of this app, whose process has not ended.
         """
         source = {CHANGES: "The simulation builds it; the rally goes on then."} if changes_scene else None
+        if source is None and lives and _silent(status, health) and health.quiet_s < HUNG_S:
+            source = {SLOW: "This machine is busy. The rally goes on by itself."}
         now = (source or _troubles(status, health)) | _robot_troubles(robot) | _drift_troubles(drift)
         begun = [
-            Notification(title, body, "blue" if title == CHANGES else "red")
+            Notification(title, body, "blue" if title in CALM else "red")
             for title, body in now.items()
             if title not in self._shown
         ]
         over = [
             Notification("Resolved", BACK.get(title, f"No longer: {title[0].lower()}{title[1:]}."), "green")
             for title in self._shown.keys() - now
-            if title != CHANGES
+            if title not in CALM
         ]
         self._shown = now
         return begun + over
 
 
+def _silent(status: SourceStatus, health: StreamHealth) -> bool:
+    return status == "lost" or health.stopped
+
+
 def _troubles(status: SourceStatus, health: StreamHealth) -> dict[str, str]:
     """Problems of the source: title -> explanation."""
-    if status == "lost" or health.stopped:
+    if _silent(status, health):
         return {STOPPED: "No data arrives. The last 20 s stay available; see Watch."}
     return {
         f"Camera {one.name} is lost": "No data arrives from it. The rest continues; one camera alone gives no depth."

@@ -20,6 +20,8 @@ LOOK_BACK_US: Final = 20_000_000
 """Length of the history that a live rally keeps."""
 UNSEEN_US: Final = 10_000
 """Shortest gap that counts as missed: over a shorter one the track continues."""
+AWAY_M: Final = 0.05
+"""Distance of the racket from where it was sent that costs a ball (choice): two thirds of a racket's radius."""
 GAP_US: Final = 5_000
 """Largest gap between consecutive windows of one camera."""
 BALL_US: Final = 1_500_000
@@ -36,6 +38,10 @@ class MissedBall:
     kind: Literal["not seen", "not returned"]
     unseen_us: int = 0
     """Length of the gap in that camera; 0 if it was seen."""
+    skipped_us: int = 0
+    """Time of the flight that the chain did not get: its machine was busy, and skipped blocks."""
+    away_m: float = 0.0
+    """Distance of the racket from where it was sent when it was to hit, if above `AWAY_M`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,22 +72,38 @@ def find_missed_ball(request: MissedBallRequest) -> MissedBall | None:
     unseen = _unseen(request.recording, steps)
     last = unseen[-1] if unseen else None
     outcomes = history.outcomes_between(start_us - 1, t_us)
-    lost = [one for one in outcomes if one.followed and one.spot.case != Case.RETURNED]
+    lost = [one for one in outcomes if one.counted and one.spot.case != Case.RETURNED]
     # The newest failure first; an unseen ball after it is newer still, and counts instead.
     for outcome in reversed(lost):
         end_us = outcome.t_us if outcome.t_us > outcome.serve_us else outcome.serve_us + BALL_US
         if last is not None and last.t_us > end_us:
             break
         during = [one for one in unseen if outcome.serve_us <= one.t_us <= end_us]
+        hit_us = _hit_us(history.predicted_hits(), outcome, end_us)
+        late = _skipped_us(steps, outcome.serve_us, hit_us), _away_m(history, hit_us)
         if during:
             worst = max(during, key=lambda one: one.unseen_us)
-            return MissedBall(worst.t_us, worst.camera, "not returned", worst.unseen_us)
-        hit_us = _hit_us(history.predicted_hits(), outcome, end_us)
+            return MissedBall(worst.t_us, worst.camera, "not returned", worst.unseen_us, *late)
         if hit_us <= t_us:
             inside = [step for step in steps if outcome.serve_us <= step.t_us <= hit_us]
             camera = min(request.recording.cameras, key=lambda name: sum(name in step.circles for step in inside))
-            return MissedBall(hit_us, camera, "not returned")
+            return MissedBall(hit_us, camera, "not returned", 0, *late)
     return last
+
+
+def _skipped_us(steps: Sequence[RallyStep], start_us: int, end_us: int) -> int:
+    """Sum of the gaps between the steps of a flight."""
+    gaps_us = np.diff(np.array([step.t_us for step in steps if start_us <= step.t_us <= end_us], np.int64))
+    return int(gaps_us[gaps_us > GAP_US].sum())
+
+
+def _away_m(history: RallyHistory, hit_us: int) -> float:
+    """How far the racket was from where it was sent, if both are known and that is far; else 0."""
+    picture = history.at(hit_us, {}).picture
+    if picture.racket is None or picture.racket_target is None:
+        return 0.0
+    away_m = float(np.linalg.norm(picture.racket.p_world_m - picture.racket_target.p_world_m))
+    return away_m if away_m > AWAY_M else 0.0
 
 
 def _unseen(recording: Recording, steps: Sequence[RallyStep]) -> list[MissedBall]:

@@ -81,8 +81,8 @@ class Outcome:
     serve_us: int
     speed_mps: float
     spot: LandingSpot
-    followed: bool = True
-    """Whether the chain followed the ball from its serve on: a ball that nobody saw coming is no miss of the player."""
+    counted: bool = True
+    """Whether it counts, see `ReturnCounts`: a ball that nobody saw coming is no miss of the player."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -281,7 +281,7 @@ class RallyHistory:
             racket=racket,
             racket_target=Pose(sent.target.p_m, sent.target.q_wxyz) if sent else None,
             landing_target=sent.landing_m if sent else None,
-            spots=tuple(outcome.spot for outcome in outcomes if outcome.followed),
+            spots=tuple(outcome.spot for outcome in outcomes if outcome.counted),
         )
         return RallyMoment(t_us, picture, step, sent, _speed_mps(points) if newest else None, outcomes)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
 import queue
 import threading
 from dataclasses import dataclass
@@ -101,6 +102,8 @@ class ReturnRate:
     balls: int
     """At least one."""
     returned: int
+    speeds_mps: tuple[float, float] = (math.nan, math.nan)
+    """Slowest and fastest serve among them."""
 
     @property
     def share(self) -> float:
@@ -121,7 +124,7 @@ class ReturnCounts:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._counts: dict[BallConditions, tuple[int, int]] = {}
+        self._counts: dict[BallConditions, ReturnRate] = {}
         self._begun: BallConditions | None = None
 
     def begin_ball(self, conditions: BallConditions) -> None:
@@ -129,13 +132,17 @@ class ReturnCounts:
         with self._lock:
             self._begun = conditions
 
-    def end_ball(self, conditions: BallConditions, *, returned: bool) -> None:
-        """End the ball that was served last, with its outcome."""
+    def end_ball(self, conditions: BallConditions, *, returned: bool, speed_mps: float = math.nan) -> bool:
+        """End the ball that was served last, at `speed_mps`, with its outcome; returns whether it counts."""
         with self._lock:
             begun, self._begun = self._begun, None
-            if begun == conditions:
-                balls, back = self._counts.get(conditions, (0, 0))
-                self._counts[conditions] = (balls + 1, back + returned)
+            if begun != conditions:
+                return False
+            so_far = self._counts.get(conditions, ReturnRate(conditions, 0, 0, (math.inf, -math.inf)))
+            slowest, fastest = so_far.speeds_mps
+            speeds_mps = min(speed_mps, slowest), max(speed_mps, fastest)
+            self._counts[conditions] = ReturnRate(conditions, so_far.balls + 1, so_far.returned + returned, speeds_mps)
+            return True
 
     def drop_ball(self) -> None:
         """Do not count the current ball: its session is over."""
@@ -150,4 +157,4 @@ class ReturnCounts:
     def rates(self) -> tuple[ReturnRate, ...]:
         """Return rates, in the order of first occurrence."""
         with self._lock:
-            return tuple(ReturnRate(one, balls, back) for one, (balls, back) in self._counts.items())
+            return tuple(self._counts.values())

@@ -201,5 +201,5 @@ def _rest(found: PolicyMap) -> str:
 def _result(found: PolicyMap, which: np.ndarray) -> str:
     error_mm, returned = found.errors_mm[which].mean(), float(found.returned[which].mean())
     missed = float(found.missed[which].mean())
-    text = f"{error_mm:.0f} mm from the target on average, {percent(returned)} returned"
+    text = f"{error_mm:.0f} mm from the target on average over all balls, net ignored; {percent(returned)} returned"
     return f"{text}, {percent(missed)} missed (2.74 m each)" if missed > 0 else text

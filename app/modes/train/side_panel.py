@@ -32,8 +32,8 @@ W1: Final = "#5aa9ff"
 W2: Final = "#6eeb82"
 AXIS: Final = "#9aa0aa"
 GRID: Final = "#32363e"
-ERROR_TOPS_MM: Final = (50.0, 100.0, 200.0, 400.0, 800.0)
-"""Possible ends of the error's scale; few, so that it rarely changes."""
+ERROR_TOPS_MM: Final = (100.0, 1_000.0, 10_000.0)
+"""Possible ends of the error's scale: its labels are the powers of ten."""
 LEAST_ERROR_MM: Final = 10.0
 """Lower end of the error's scale, which is logarithmic: what is learned last is a factor, not a distance."""
 WEIGHTS: Final = "weights"
@@ -152,7 +152,8 @@ def _scales(end: int, name: str, y_range: tuple[float, float]) -> dict[str, uplo
     if name == "error_mm":
         return {
             "x": uplot.Scale(time=False, auto=False, range=(0.0, float(end))),
-            "y": uplot.Scale(auto=False, range=y_range, distr=3, log=10),
+            # Inverse hyperbolic sine, from 10 mm on a logarithm: a logarithmic scale draws NaN at its lower end.
+            "y": uplot.Scale(auto=False, range=y_range, distr=4, asinh=1.0, log=10),
         }
     return {
         "x": uplot.Scale(time=False, auto=False, range=(0.0, float(end))),

@@ -27,7 +27,7 @@ NEWEST_COLOUR: Final = hex_colour(NEW_RGB)
 CASE_HEX: Final = {case: hex_colour(rgb) for case, rgb in CASE_RGB.items()}
 LONGEST_LOG_LINE: Final = 1000
 LOG_STYLE: Final = "font-size:11.5px;white-space:pre-wrap;overflow-wrap:anywhere;margin:2px 0 0"
-CELL: Final = "text-align:right;font-weight:400;padding:0 4px"
+CELL: Final = "text-align:right;font-weight:400;padding:0 4px;white-space:nowrap"
 
 
 def status_html(
@@ -47,7 +47,7 @@ def status_html(
     rows.append(f"<span style='color:{theme.MUTED}'>{html_text(plan_text(run))}</span>")
     if details is not None and details.episodes_done:
         rows.append(_progress_text(run, details))
-        rows.append(f"last balls: {_result(details.returned, details.error_mm)}")
+        rows.append(f"last balls, with exploration noise: {_result(details.returned, details.error_mm)}")
         if details.evaluations:
             line = details.evaluations[-1]
             rows.append(_policy_text(run, line))

@@ -20,6 +20,7 @@ from core.history.rally_history import RallyHistory
 from core.live.ring_recording import RingRecording
 from core.recordings import Recording
 
+TITLES: Final = {"not seen": "Last gap of the detector", "not returned": "Last miss"}
 LAST: Final = 1e6
 """Position of the panel: after all other controls."""
 
@@ -29,7 +30,7 @@ class MissedPanel:
 
     def __init__(self, gui: viser.GuiApi, look: Callable[[ModeName], None]) -> None:
         # Last: it appears and disappears, and must not move other controls.
-        self._folder = gui.add_folder("Last miss", visible=False, order=LAST)
+        self._folder = gui.add_folder(TITLES["not returned"], visible=False, order=LAST)
         with self._folder:
             self._text = gui.add_html("")
             tune = gui.add_button("Look at it in Tune", icon=viser.Icon.ADJUSTMENTS, hint="The same window and camera")
@@ -40,6 +41,8 @@ class MissedPanel:
     def show(self, missed: MissedBall | None, *, copies: bool) -> None:
         """Show the missed ball; `copies`: the rally is live and has to be frozen first."""
         self._folder.visible = missed is not None
+        if missed is not None and self._folder.label != (title := TITLES[missed.kind]):
+            self._folder.label = title
         if missed is not None and self._text.content != (content := missed_html(missed, copies=copies)):
             self._text.content = content
 
@@ -49,6 +52,12 @@ def missed_html(missed: MissedBall, *, copies: bool) -> str:
     camera, ms = html_text(missed.camera), missed.unseen_us / 1e3
     if missed.kind == "not seen":
         text = f"the detector missed the ball in {camera} for {ms:.0f} ms. The track was not lost"
+    elif missed.skipped_us:  # the detector had nothing to look at, and begins anew after it
+        text = f"the ball was not returned; {missed.skipped_us / 1e3:.0f} ms of its flight were skipped: this machine "
+        text += "was busy, and the racket's command came late. Choose a slower Pace"
+    elif missed.away_m:
+        text = f"the ball was not returned; the racket was still {1e3 * missed.away_m:.0f} mm from where it was sent: "
+        text += "the command came late, or asked for too much"
     elif missed.unseen_us:
         text = f"the ball was not returned; the detector missed it in {camera} for {ms:.0f} ms"
     else:

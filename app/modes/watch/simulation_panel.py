@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Final
 
@@ -29,8 +30,8 @@ def returned_html(rates: tuple[ReturnRate, ...]) -> str:
         return f"<div style='{style};color:{theme.MUTED}'>No ball has been completed yet.</div>"
     rows = "".join(_row(rate) for rate in rates)
     left_out = (
-        "With 95 % intervals. Balls during which controller or scene changed, and those served before the chain "
-        "followed, are not counted."
+        "With 95 % intervals. Balls during which controller or scene changed, and those not followed from "
+        "serve to end, are not counted."
     )
     note = f"<div style='color:{theme.MUTED}'>{left_out}</div>"
     return f"<div style='{style}'><table style='width:100%'>{rows}</table>{note}</div>"
@@ -45,8 +46,14 @@ def interval_text(rate: ReturnRate) -> str:
 def _row(rate: ReturnRate) -> str:
     who = html_text(rate.conditions.controller)
     where = html_text(rate.conditions.scene or "unknown scene")
+    speeds = f" · {_speeds(rate)}" if math.isfinite(rate.speeds_mps[0]) else ""
     counted = f"<b>{rate.returned} of {rate.balls}</b>, {interval_text(rate)}"
-    return f"<tr><td>{who} · {where}</td><td style='{CELL}'>{counted}</td></tr>"
+    return f"<tr><td>{who} · {where}{speeds}</td><td style='{CELL}'>{counted}</td></tr>"
+
+
+def _speeds(rate: ReturnRate) -> str:
+    slowest, fastest = (f"{speed:.1f}".removesuffix(".0") for speed in rate.speeds_mps)
+    return f"{slowest} m/s" if slowest == fastest else f"{slowest} to {fastest} m/s"
 
 
 STOP, RUN, STEP = "Pause", "Run", "+10 ms"

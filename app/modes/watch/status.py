@@ -15,7 +15,7 @@ from app.modes.watch.stream_status import camera_rows
 from app.scene.prediction import CASE_NAMES, CASE_RGB
 from core.chain.calibration_drift import DriftReport
 from core.chain.control.controller import RacketDecision
-from core.history.rally_history import Outcome, RallyMoment, RallyStep
+from core.history.rally_history import EXPECTED_US, Outcome, RallyMoment, RallyStep
 from core.history.shown_prediction import ShownPrediction
 from core.live.link.adaptive_rate import pace_words
 from core.live.link.messages import WorldState
@@ -61,8 +61,6 @@ CHANGING = (
     "Hit chosen",
 )
 """Rows that stay without a value: in every flight they come and go, and the others would move."""
-READ_US: Final = 1_000_000
-"""The prediction of a hit is shown this long after it."""
 STAGES: Final = {"pre": "before the bounce", "post": "after the bounce"}
 
 
@@ -205,7 +203,7 @@ def _used(step: RallyStep | None, cameras: Collection[str]) -> str:
 
 def _hit(expected: ShownPrediction | None, t_us: int) -> str:
     hit = None if expected is None else expected.hit
-    if expected is None or hit is None or t_us > expected.end_us + READ_US:
+    if expected is None or hit is None or t_us > expected.end_us + EXPECTED_US:
         return "-"
     _, y, z = hit.p_world_m
     return f"y {y:+.3f}, z {z:+.3f} m, {float(np.linalg.norm(hit.v_world_mps)):.2f} m/s"
@@ -214,7 +212,7 @@ def _hit(expected: ShownPrediction | None, t_us: int) -> str:
 def _chosen(step: RallyStep | None, t_us: int) -> str:
     """The place where the ball is to be hit, of how many that were possible, or why there is none."""
     expected = None if step is None else step.after or step.before
-    if expected is None or t_us > expected.end_us + READ_US:
+    if expected is None or t_us > expected.end_us + EXPECTED_US:
         return "-"
     if expected.no_stroke:
         return coloured(theme.WARN, html_text(expected.no_stroke))
@@ -242,14 +240,14 @@ def _last(outcomes: tuple[Outcome, ...]) -> str:
     if not outcomes:
         return "-"
     last = outcomes[-1]
-    if not last.followed:
-        return muted("served before the chain followed: not counted")
+    if not last.counted:
+        return muted("not followed, or something changed during it: not counted")
     where = f", {last.spot.x_m:.2f} / {last.spot.y_m:+.2f} m" if math.isfinite(last.spot.x_m) else ""
     return f"<span style='color:rgb{CASE_RGB[last.spot.case]}'>{CASE_NAMES[last.spot.case]}</span>{where}"
 
 
 def _balls(outcomes: tuple[Outcome, ...]) -> str:
-    cases = [outcome.spot.case for outcome in outcomes if outcome.followed]
+    cases = [outcome.spot.case for outcome in outcomes if outcome.counted]
     if not cases:
         return "-"
     returned = cases.count(Case.RETURNED)

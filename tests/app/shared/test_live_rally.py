@@ -1,5 +1,6 @@
 """Which balls of a live rally are counted."""
 
+import threading
 from types import SimpleNamespace
 
 import pytest
@@ -10,6 +11,7 @@ from core.history.rally_history import RallyHistory
 from core.history.record_live import LiveRows
 from core.history.seen_outcomes import ReturnCounts
 from core.live.link import messages as m
+from core.live.stream_watch import StreamWatch
 from core.physics.episode import Case
 
 NAN = float("nan")
@@ -38,30 +40,66 @@ def test_a_ball_counts_only_if_the_player_followed_when_it_was_served(session, t
     assert was_followed(SERVE, snapshot) == counts  # type: ignore[arg-type]
 
 
-def test_a_ball_that_was_served_before_the_chain_followed_is_no_miss() -> None:
-    """A cold start: the first ball flies while the detector is still being compiled."""
+def followed_rally() -> SimpleNamespace:
+    """A rally whose player follows."""
     player = SimpleNamespace(
-        controller=SimpleNamespace(name="built-in"), snapshot=SimpleNamespace(session="now", t_us=0, state=None)
+        controller=SimpleNamespace(name="built-in"),
+        snapshot=SimpleNamespace(session="now", t_us=SERVE.t_us, state="a step"),
+        wake=lambda: None,
     )
-    rally = SimpleNamespace(
+    return SimpleNamespace(
         player=player,
         returns=ReturnCounts(),
         history=RallyHistory(),
         rows=LiveRows(),
+        watch=StreamWatch(),
+        robot=None,
+        learning=SimpleNamespace(on=False),
+        _source_with_robot=SimpleNamespace(listen=lambda listening: None),
         _scene="ball",
-        _follows_ball=False,
+        _recorder=None,
+        _keeping=threading.Lock(),
+        _keepers=0,
+        _watched=True,
+        _awake=True,
     )
+
+
+def test_a_ball_that_was_served_before_the_chain_followed_is_no_miss() -> None:
+    """A cold start: the first ball flies while the detector is still being compiled."""
+    rally = followed_rally()
+    rally.player.snapshot = SimpleNamespace(session="now", t_us=0, state=None)
 
     def shown() -> str:
         return moment_html(rally.history.at(3_000_000, {}), 15.0, 1.0)
 
     for notice in (SERVE, MISSED):
         LiveRally.on_notice(rally, notice)  # type: ignore[arg-type]
-    assert "served before the chain followed: not counted" in shown()
+    assert "not followed, or something changed during it: not counted" in shown()
     assert "missed" not in shown() and "of 1 returned" not in shown() and not rally.returns.rates()
 
-    player.snapshot = SimpleNamespace(session="now", t_us=SERVE.t_us, state="a step")
+    rally.player.snapshot = SimpleNamespace(session="now", t_us=SERVE.t_us, state="a step")
     for notice in (SERVE, MISSED):
         LiveRally.on_notice(rally, notice)  # type: ignore[arg-type]
     assert "missed" in shown() and "0 of 1 returned" in shown()
     assert [(one.balls, one.returned) for one in rally.returns.rates()] == [(1, 0)]
+
+
+def test_a_ball_whose_serve_nobody_heard_is_no_miss_either() -> None:
+    """The serve came while the source rested; the ball before it was followed."""
+    rally = followed_rally()
+    for notice in (SERVE, MISSED, MISSED):
+        LiveRally.on_notice(rally, notice)  # type: ignore[arg-type]
+    assert [one.counted for one in rally.history.outcomes_between(0, 3_000_000)] == [True, False]
+    assert [one.balls for one in rally.returns.rates()] == [1]
+
+
+def test_a_ball_during_which_the_source_rested_is_no_miss() -> None:
+    rally = followed_rally()
+    LiveRally.on_notice(rally, SERVE)  # type: ignore[arg-type]
+    for watched in (False, True):
+        rally._watched = watched
+        LiveRally._listen(rally)  # type: ignore[arg-type]
+    LiveRally.on_notice(rally, MISSED)  # type: ignore[arg-type]
+    assert [one.counted for one in rally.history.outcomes_between(0, 3_000_000)] == [False]
+    assert not rally.returns.rates()

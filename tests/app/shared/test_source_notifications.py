@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from app.shared.source_notifications import SourceNotifications
+from app.shared.source_notifications import HUNG_S, SourceNotifications
 from core.cameras.stereo import EpipolarDrift
 from core.chain.calibration_drift import DriftReport
 from core.live.stream_watch import LOST_US, CameraHealth, StreamHealth
@@ -40,6 +40,17 @@ def test_a_change_of_scene_that_somebody_asked_for_is_no_alarm() -> None:
     assert news.compare("lost", quiet, changes_scene=True) == []
     assert news.compare("connected", WELL) == [], "nothing was wrong, so nothing is resolved"
     assert titles(news.compare("lost", quiet)) == ["The live source has stopped"]
+
+
+def test_a_simulation_of_ours_that_is_only_slow_is_no_alarm_until_it_hangs_or_ends() -> None:
+    news, quiet = SourceNotifications(), replace(WELL, stopped=True, quiet_s=2.0)
+    (slow,) = news.compare("lost", quiet, lives=True)
+    assert slow.title == "The simulation is slow" and slow.color == "blue"
+    assert news.compare("connected", WELL, lives=True) == [], "nothing was wrong, so nothing is resolved"
+    hung = replace(quiet, quiet_s=HUNG_S)
+    (stopped,) = news.compare("connected", hung, lives=True)
+    assert stopped.title == "The live source has stopped" and stopped.color == "red"
+    assert titles(SourceNotifications().compare("lost", quiet)) == ["The live source has stopped"]
 
 
 def robot(connection: str, stop: StopNote | None = None, stops: int = 0) -> RobotStatus:

@@ -80,8 +80,32 @@ def test_a_ball_that_was_seen_and_did_not_come_back_is_looked_at_when_it_was_to_
 def test_a_ball_that_nobody_followed_is_not_looked_at() -> None:
     history = RallyHistory()
     add_steps(history, {})
-    history.add_outcome(replace(outcome(Case.MISSED, 300_000, 90_000), followed=False))
+    history.add_outcome(replace(outcome(Case.MISSED, 300_000, 90_000), counted=False))
     assert find(recording_with_truth(), history, 400_000) is None
+
+
+def test_a_ball_of_which_blocks_were_skipped_says_how_much() -> None:
+    history, whole = RallyHistory(), RallyHistory()
+    add_steps(whole, {"left": (180_000, 200_000)})
+    for step in whole.steps_between(0, 400_000):
+        if not 150_000 < step.t_us <= 170_000:
+            history._steps.add(step.t_us, step)
+    history.add_outcome(outcome(Case.MISSED, 300_000, 90_000))
+    assert find(recording_with_truth(), history, 400_000) == MissedBall(190_000, "left", "not returned", 20_000, 22_000)
+
+
+def test_a_racket_that_was_not_yet_where_it_was_sent_is_noted() -> None:
+    for at_m, away_m in ((0.0, 0.0), (0.12, 0.12)):
+        history = RallyHistory()
+        add_steps(history, {"left": (180_000, 200_000)})
+        target = SimpleNamespace(p_m=np.array([-1.5, 0.0, 0.2]), q_wxyz=np.array([1.0, 0, 0, 0]), t_s=0.3)
+        sent = SimpleNamespace(target=target, landing_m=None)
+        step = history.steps_between(0, 250_000)[-1]
+        history._targets.add(step.t_us, sent)
+        history.add_rackets(np.array([299_000]), target.p_m[None] + [0.0, at_m, 0.0], target.q_wxyz[None])
+        history.add_outcome(outcome(Case.MISSED, 300_000, 90_000))
+        missed = find(recording_with_truth(), history, 400_000)
+        assert missed is not None and missed.away_m == pytest.approx(away_m) and missed.unseen_us == 20_000
 
 
 def test_the_later_of_two_is_the_one() -> None:

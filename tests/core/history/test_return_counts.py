@@ -42,6 +42,15 @@ def test_a_ball_whose_serve_was_not_seen_does_not_count() -> None:
     assert counts.rates() == ()
 
 
+def test_a_row_knows_the_speeds_of_its_serves() -> None:
+    counts = ReturnCounts()
+    for speed_mps in (6.0, 5.0, 8.5):
+        counts.begin_ball(BUILT_IN)
+        counts.end_ball(BUILT_IN, returned=True, speed_mps=speed_mps)
+    (rate,) = counts.rates()
+    assert rate.speeds_mps == (5.0, 8.5) and (rate.balls, rate.returned) == (3, 3)
+
+
 def test_a_reset_begins_anew() -> None:
     counts = ReturnCounts()
     play(counts, BUILT_IN, 2, 0)

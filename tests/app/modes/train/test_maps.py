@@ -80,6 +80,7 @@ def test_a_policy_of_one_target_says_so() -> None:
     words = " ".join(map_words(found, 3))
     assert "seed 3" in words and "Trained on one target" in words and "x 0.78 m, y 0.00 m" in words
     assert "box" not in words and "Whole half" in words
+    assert "on average over all balls, net ignored; " in words, "not only over the returned ones"
     rings = draw_map(found)
     x, y = _pixel(found.trained.low_m)
     assert (rings[y, x - 45 : x + 45] == TARGET_RGB).all(axis=1).any()

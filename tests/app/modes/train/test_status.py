@@ -50,6 +50,7 @@ def test_a_finished_run_sums_up_what_was_learned(tmp_path: Path) -> None:
     line = {"episode": 30, "speed_mps": 5.0, "returned": 0.996, "error_mm": 21.6}
     details = dataclasses.replace(DETAILS, evaluations=(line,), episodes_done=30)
     running = status_html(STATE, details, None)
+    assert "last balls, with exploration noise: " in running
     assert "policy after 30: 100 % returned, 22 mm from the target" in running and "Learned" not in running
     done = dataclasses.replace(STATE, phase="finished")
     learned = "Learned: it returns 100 % of the balls at 5 m/s, 22 mm from the target, after 30 balls."
@@ -75,6 +76,7 @@ def test_the_list_of_runs_tells_how_good_each_is() -> None:
     other = dataclasses.replace(STATE, name="other")
     shown = runs_html((STATE, other), {"mine": {"speed_mps": 5.0, "returned": 0.99, "error_mm": 21.6}})
     assert "99 %" in shown and "22 mm" in shown and "other" in shown and "nan" not in shown
+    assert shown.count("white-space:nowrap") == 3 * 5, "no cell breaks at a space or a hyphen"
 
 
 @pytest.mark.parametrize(("seconds", "text"), [(5, "5 s"), (600, "10 min"), (7200, "2.0 h")])

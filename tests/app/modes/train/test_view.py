@@ -21,7 +21,7 @@ from app.modes.train.plan_view import (
     draw_offsets,
     draw_plan,
 )
-from app.modes.train.side_panel import _curve_series, chart_columns
+from app.modes.train.side_panel import _curve_series, _range_of, _scales, chart_columns
 from app.modes.train.view import COMPARED, RunsViewer, ViewRequest, chosen_run, compared_runs, make_details
 from app.scene.prediction import CASE_RGB
 from app.shared.trainer import Trainer
@@ -73,6 +73,15 @@ def test_charts_are_aligned_and_hold_the_mean_of_the_seeds(viewer: RunsViewer) -
         assert len(_curve_series(seeds)) == 1 + len(chart_columns(shown)["error_mm"])
     assert np.isnan(charts.compared[0]["reward"]).all()
     assert np.count_nonzero(np.isfinite(charts.evaluated["returned"])) == 10
+
+
+def test_the_scale_of_the_error_covers_the_curves_and_has_no_place_for_a_missing_value() -> None:
+    nothing = np.full(3, np.nan)
+    curves = [nothing, nothing, nothing, np.array([np.nan, 933.0, 40.0])]
+    assert _range_of("error_mm", curves) == (10.0, 1_000.0)
+    assert _range_of("error_mm", [*curves[:3], np.array([90.0])]) == (10.0, 100.0)
+    # uPlot puts what is not above 0, NaN too, at the lower end of a logarithmic scale (3), and nowhere on others.
+    assert _scales(100, "error_mm", (10.0, 1_000.0))["y"]["distr"] == 4
 
 
 def test_other_runs_are_drawn_as_far_as_the_chosen_one_is_to_go(viewer: RunsViewer, trained: Workspace) -> None:
