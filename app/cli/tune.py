@@ -160,6 +160,9 @@ def _describe(arguments: TuneArguments, method: str, result: TuningResult) -> st
         _row("held out", "start", start.held_out),
         _row("", name, best.held_out),
     ]
+    verdict = "Nothing better was found than the config to start from."
+    if result.best_trial:
+        verdict = held_out_words(start.held_out, best.held_out)
     ended = f"ended early, after {len(result.trials)} of" if result.stopped else "all"
     lines = [
         f"{method} against {arguments.against}{_in_time_words(arguments)}, {ended} {arguments.trials} trials",
@@ -167,7 +170,7 @@ def _describe(arguments: TuneArguments, method: str, result: TuningResult) -> st
         "",
         format_table(_parameter_rows(result)),
         "",
-        _verdict(result),
+        verdict,
     ]
     return "\n".join(lines)
 
@@ -209,13 +212,11 @@ def _json_value(value: object) -> object:
     return f"{value:g}" if isinstance(value, float) else value
 
 
-def _verdict(result: TuningResult) -> str:
-    if result.best_trial == 0:
-        return "Nothing better was found than the config to start from."
-    before, after = result.trials[0].held_out, result.trials[result.best_trial].held_out
+def held_out_words(before: Figures, after: Figures) -> str:
+    """Sentence on whether the found config is better than the first on the held-out side."""
     figures = f"{before.objective:.4f} before, {after.objective:.4f} now"
     if not measurably_differ(before, after):
         return f"On the held-out windows there is no measurable difference: {figures}."
-    if result.better_held_out:
+    if after.objective > before.objective:
         return f"On the held-out windows it is better, too: {figures}."
     return f"On the held-out windows it is NOT better: {figures}. It fits the tuned ones only."

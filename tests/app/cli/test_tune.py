@@ -5,16 +5,19 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from app.cli import main
+from app.cli.tune import held_out_words
 from core.config import replace_setting, save_config
 from core.detection import DetectorConfig
 from core.detection.saved import load_detector
 from core.recordings import open_recording
+from core.tuning.objective import Figures
 from labels.model import Label, LabelState
 from labels.store import LabelStore
 from tests.waiting import PATIENCE_S
@@ -188,3 +191,16 @@ def test_what_was_found_is_said_even_if_it_cannot_be_written(
     said = capsys.readouterr()
     assert "Nothing better was found" in said.out and "the config:" not in said.out
     assert "cannot write the config; got Is a directory; free some space" in said.err
+
+
+@pytest.mark.parametrize(
+    ("after", "says"),
+    [
+        (0.9971, "there is no measurable difference: 0.9970 before, 0.9971 now."),
+        (0.9985, "it is better, too: 0.9970 before, 0.9985 now."),
+        (0.99, "it is NOT better: 0.9970 before, 0.9900 now."),
+    ],
+)
+def test_the_verdict_calls_nothing_better_that_reads_alike(after: float, says: str) -> None:
+    before = Figures(1.0, 1.0, 0.13, 0.997, balls=2184)
+    assert says in held_out_words(before, replace(before, objective=after))
