@@ -358,6 +358,8 @@ def test_tune_scores_a_config_against_the_labels(labelling) -> None:
     window.page.get_by_text("labels by").first.wait_for()
     window.wait_for_frame()
     window.screenshot("tune-score-labels")
+    window.page.get_by_role("button", name="Back to Label", exact=True).click()
+    eventually(lambda: window.state.mode == "Label", "what was labelled, with the table gone")
 
 
 def test_a_click_where_no_circle_fits_asks_and_stores_nothing_until_a_radius_is_given(labelling) -> None:
