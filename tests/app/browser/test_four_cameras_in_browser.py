@@ -83,7 +83,8 @@ def watch_shows_all_pictures_with_marks_above_the_figures(window, names: tuple[s
     for name in names:
         page.get_by_text(f"● {name}", exact=True).wait_for()
     figures = ("Ball speed", "Stereo mismatch", "Placed by")
-    found = [page.get_by_text(name, exact=True).bounding_box() for name in figures]
+    # A table that is written anew has no place for a moment.
+    found = [eventually(page.get_by_text(name, exact=True).bounding_box, name) for name in figures]
     canvas = page.locator("canvas").first.bounding_box()
     boxes = page.evaluate(BOXES)
     assert not any(overlap(one, other) for one, other in combinations(boxes, 2))
