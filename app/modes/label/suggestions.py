@@ -38,7 +38,7 @@ from labels.assist import (
 )
 from labels.assist.propose import joined_proposals
 from labels.assist.review import QueueItem
-from labels.assist.stereo import labelled_positions_at, median_residual_px
+from labels.assist.stereo import StereoCheck, labelled_positions_at, median_over_cameras
 from labels.assist.whole_flight import Doubt
 from labels.model import ContactLabel, Label
 from labels.store import LabelStore
@@ -516,11 +516,11 @@ def _stereo_residual_px(now: Labelling, proposals: Proposals) -> NDArray[np.floa
             other = there.at(proposals.t_us)
             there_px = np.column_stack([other.x_px, other.y_px])
             residuals.append(check_stereo(rig[now.view.camera], here_px, rig[name], there_px).residual_px)
-    return median_residual_px(residuals)
+    return median_over_cameras(residuals)
 
 
-def _residual_with(now: Labelling, other: str) -> NDArray[np.float64]:
-    """(n,) distance of each label of the labelled camera from another camera's ball, px; nan where that has none.
+def _check_with(now: Labelling, other: str) -> StereoCheck:
+    """Each of the n labels of the labelled camera beside another camera's ball; nan where that has none.
 
     The other's ball is its label, the curve through its labels or, where those say nothing, its proposal: the same that
     the panel says how well the cameras agree with.
@@ -532,21 +532,22 @@ def _residual_with(now: Labelling, other: str) -> NDArray[np.float64]:
         there_px[unknown] = np.column_stack([proposed.x_px, proposed.y_px])[unknown]
     here_px = np.column_stack([labels.x_px, labels.y_px])
     here_px[~labels.seen] = np.nan
-    return check_stereo(now.rig[now.view.camera], here_px, now.rig[other], there_px).residual_px
+    return check_stereo(now.rig[now.view.camera], here_px, now.rig[other], there_px)
 
 
 def _suspicious(now: Labelling) -> tuple[QueueItem, ...]:
     """What is to be looked at in the labelled camera, the worst first."""
     here, rig = now.here, now.rig
-    residuals = [
-        _residual_with(now, name)
+    checks = [
+        _check_with(now, name)
         for name in rig
         if name != now.view.camera and len(here.arrays) and (len(now.works[name].arrays) or now.works[name].proposals)
     ]
     return review_queue(
         here.arrays,
         proposals=here.proposals,
-        stereo_residual_px=median_residual_px(residuals),
+        stereo_residual_px=median_over_cameras([check.residual_px for check in checks]),
+        expected_r_px=median_over_cameras([check.expected_r_px[:, 0] for check in checks]),
         frames_us=now.grid.times(),
         rejected_us=tuple(t_us for t_us, _ in here.rejected),
     )
