@@ -150,7 +150,7 @@ class Playhead:
 
 ModeName = Literal["Watch", "Tune", "Label", "Train", "Export"]
 MODES: Final[tuple[ModeName, ...]] = get_args(ModeName)
-Arrangement = Literal["side by side", "stacked"]
+Arrangement = Literal["automatic", "side by side", "stacked"]
 ARRANGEMENTS: Final[tuple[Arrangement, ...]] = get_args(Arrangement)
 Overlay = str
 """Name of a view of Tune: each method has one for each of its stages, see `core.detection.methods.VIEWS`."""
@@ -168,7 +168,8 @@ class RenderSettings:
     """Accumulation window of Watch; Tune shows the detector's own window."""
     rendering: Rendering = "polarity"
     colours: PolarityColours = "orange / blue"
-    arrangement: Arrangement = "side by side"
+    arrangement: Arrangement = "automatic"
+    """Automatic: what fills more of the middle in Export, side by side elsewhere."""
     magnifies_ball: bool = True
     """Whether pictures of whole sensors show the ball magnified in a corner."""
 
