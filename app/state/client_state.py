@@ -225,6 +225,17 @@ class WatchView:
 
 
 @dataclass(frozen=True, slots=True)
+class LabelChoices:
+    """What a reload keeps of Label's view."""
+
+    zoom: float = 1.0
+    compared: str = ""
+    """Title of the labels beside one's own; "": none."""
+    proposed: bool = False
+    """Whether there are proposals, which a reload does not keep."""
+
+
+@dataclass(frozen=True, slots=True)
 class Configs:
     """The two detector configs of a browser."""
 
@@ -258,6 +269,7 @@ class ClientState:
     look: RenderSettings = field(default_factory=RenderSettings)
     tune: TuneView = field(default_factory=TuneView)
     watch: WatchView = field(default_factory=WatchView)
+    label: LabelChoices = field(default_factory=LabelChoices)
     looks: int = 0
     """Count of jumps from one mode to a moment in another."""
     annotator: str | None = None

@@ -198,10 +198,12 @@ def _residuals_html(agreement: CameraAgreement) -> str:
     return note_html(f"px of each: {', '.join(parts)}", theme.MUTED)
 
 
-def proposals_html(proposals: Proposals | None, share: float | None, held: bool) -> str:
-    """How far the detector has come, and whether a key waits for it."""
+def proposals_html(proposals: Proposals | None, share: float | None, held: bool, *, lost: bool = False) -> str:
+    """How far the detector has come, whether a key waits for it, and whether a reload has lost what it proposed."""
     count = 0 if proposals is None else len(proposals)
     if share is not None:
         waits = "; Enter waits for it, Escape cancels" if held else ""
         return note_html(f"proposing: {percent(share)}, {count} so far{waits}", BRAND if held else theme.MUTED)
+    if lost and proposals is None:
+        return note_html("Proposals are not kept over a reload: I runs the detector again", AMBER)
     return note_html(f"{count} proposals" if count else "&nbsp;", theme.MUTED)  # empty, the buttons would move
