@@ -87,7 +87,7 @@ def columns_that_fill(pictures: int, picture_aspect: float, room_aspect: float) 
     """
 
     def height(columns: int) -> float:
-        """Of a picture, as a share of the room's."""
+        """Height of a picture, as a share of the room's."""
         return min(1 / math.ceil(pictures / columns), room_aspect / (columns * picture_aspect))
 
     return max(range(pictures, 0, -1), key=height, default=1)
