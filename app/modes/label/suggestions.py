@@ -180,7 +180,8 @@ class LabelSuggestions:
         parts = {name: now.works[name].proposals for name in now.rig}
         given = {name: part for name, part in parts.items() if part is not None}
         if not now.rig:
-            editor.note("No flight here", "It needs two calibrated cameras. Enter accepts a steady segment in one.")
+            text = "It needs two calibrated cameras. Enter accepts the proposals on a smooth path in one."
+            editor.note("No flight here", text)
         elif now.view.camera not in given or len(given) < 2:
             editor.note(*NO_PROPOSALS)
         else:
