@@ -10,11 +10,11 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Final, Literal
 
+from app.modes.label.accepting import accept, accept_all, accept_segment, interpolate, reject
 from app.modes.label.conflicts import go_to_conflict, resolve_conflict, take_missing
 from app.modes.label.contacts import accept_contact, next_contact, remove_contact, set_contact
 from app.modes.label.editor import EditorAct, LabelEditor
 from app.modes.label.labelling import BIG_NUDGE_PX, NUDGE_PX, RADIUS_STEP_PX, WINDOWS_US, ZOOMS
-from app.modes.label.suggestions import accept, accept_all, accept_segment, interpolate, reject
 from app.panels.keys import MODE_KEYS
 from labels.model import ContactKind, LabelState
 
