@@ -99,7 +99,11 @@ class PicturePanel:
             )
             self._rendering = gui.add_dropdown("Show", RENDERINGS, hint="Latest polarity, events per pixel, or age")
             self._colours = gui.add_dropdown("ON / OFF", POLARITY_COLOURS)
-            self._arrangement = gui.add_dropdown("Arrange", ARRANGEMENTS)
+            self._arrangement = gui.add_dropdown(
+                "Arrange",
+                ARRANGEMENTS,
+                hint="Automatic: in Export what makes the pictures larger, elsewhere side by side",
+            )
             self._magnify = gui.add_checkbox(
                 "Magnified ball", True, hint="The ball, 8 times larger, in a corner of each picture of a whole sensor"
             )

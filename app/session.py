@@ -408,6 +408,7 @@ class Session:
             state.watch.large,
             state.watch.table,
             state.watch.framed,
+            self.plane.free_aspect if state.mode == "Export" else None,
         )
         if key != self._requested:
             self._requested = key

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import typing
 from collections.abc import Callable, Mapping, Sequence
 
@@ -99,9 +100,27 @@ class Listing:
             self._dropdown.value = chosen
 
 
-def plot_axis(unit: str) -> uplot.Axis:
-    """An axis with its unit, in the colours of the app."""
-    return uplot.Axis(label=unit, stroke=theme.MUTED, grid={"stroke": "#333640"}, labelSize=16, size=38)
+def plot_axis(unit: str, splits: tuple[float, ...] | None = None) -> uplot.Axis:
+    """An axis with its unit, in the colours of the app; `splits`: the only values that have a line and a number."""
+    axis = uplot.Axis(label=unit, stroke=theme.MUTED, grid={"stroke": "#333640"}, labelSize=16, size=38)
+    if splits is not None:
+        axis["splits"] = splits
+    return axis
+
+
+def log_scale(low: float, high: float) -> uplot.Scale:
+    """A logarithmic scale of a chart.
+
+    It is the inverse hyperbolic sine, which is a logarithm from a tenth of `low` on: what is unknown, NaN, is drawn at
+    the lower end of uPlot's own logarithmic scale, and nowhere on this one.
+    """
+    return uplot.Scale(auto=False, range=(low, high), distr=4, asinh=low / 10, log=10)
+
+
+def decades(low: float, high: float) -> tuple[float, ...]:
+    """The powers of ten from `low` to `high`, for the `splits` of an axis: uPlot draws a line at each multiple, too."""
+    first, last = math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9)
+    return tuple(float(f"1e{exponent}") for exponent in range(first, last + 1))
 
 
 def when_changed(handle: viser.GuiInputHandle, act: Callable[[object], None]) -> None:

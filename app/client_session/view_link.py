@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from app.modes.label.kept_view import KeepLabelChoices
 from app.modes.watch.commands import EnlargeCamera, ShowLayer, ShowSpace
 from app.pictures.canvas import RENDERINGS
 from app.pictures.palette import POLARITY_COLOURS
@@ -130,6 +131,9 @@ def _view(state: ClientState, now_us: int) -> Iterator[tuple[str, str]]:
     yield "space", "0" if not watch.in_space else ""
     yield "large", watch.large
     yield "hidden", ",".join(sorted(watch.hidden))
+    yield "label_zoom", f"{state.label.zoom:g}" if state.label.zoom != 1.0 else ""
+    yield "compare_with", state.label.compared
+    yield "proposed", "1" if state.label.proposed else ""
 
 
 _COMMANDS: Final[Mapping[str, Callable[[str], list[Command]]]] = {
@@ -160,6 +164,9 @@ _COMMANDS: Final[Mapping[str, Callable[[str], list[Command]]]] = {
     "space": lambda text: [ShowSpace(text != "0")],
     "large": lambda text: [EnlargeCamera(text)],
     "hidden": lambda text: [ShowLayer(layer, on=False) for layer in text.split(",")[:32]],
+    "label_zoom": lambda text: [KeepLabelChoices(zoom=float(text))],
+    "compare_with": lambda text: [KeepLabelChoices(compared=text)],
+    "proposed": lambda text: [KeepLabelChoices(proposed=text == "1")],
 }
 """Commands by key, in the order in which they are applied."""
 

@@ -27,8 +27,11 @@ KEYS: Final[tuple[tuple[str, str, Command], ...]] = (
     ("O", "Mode: Export", SetMode("Export")),
 )
 """Hotkey, what it does, the command. W A S D Q E are left out: viser's camera uses them."""
-PAGE_KEYS: Final = (
+MODE_KEYS: Final = (
     ("Shift 1 to 5", f"Mode: {', '.join(MODES)}"),
+    ("M, T, O", "Mode: Watch, Tune, Export; Label and Train have no letter"),
+)
+PAGE_KEYS: Final = (
     ("J", "Slower; while paused ten steps back"),
     ("K", "Play or pause"),
     ("L", "Play; each further press faster"),
@@ -90,7 +93,8 @@ def tour_button_html() -> str:
 def keys_html() -> str:
     """HTML of the list of keys."""
     stages = (f"1 to {MOST_VIEWS}", "Stages of the method, in Tune")
-    listed = (*((key, label) for key, label, one in KEYS if not isinstance(one, ShowStage)), stages, *PAGE_KEYS)
+    own = ((key, label) for key, label, one in KEYS if not isinstance(one, ShowStage | SetMode))
+    listed = (*MODE_KEYS, *own, stages, *PAGE_KEYS)
     rows = "".join(
         f"<tr><td style='padding-right:14px'><b>{key}</b></td><td>{label}</td></tr>" for key, label in listed
     )

@@ -150,7 +150,7 @@ class Playhead:
 
 ModeName = Literal["Watch", "Tune", "Label", "Train", "Export"]
 MODES: Final[tuple[ModeName, ...]] = get_args(ModeName)
-Arrangement = Literal["side by side", "stacked"]
+Arrangement = Literal["automatic", "side by side", "stacked"]
 ARRANGEMENTS: Final[tuple[Arrangement, ...]] = get_args(Arrangement)
 Overlay = str
 """Name of a view of Tune: each method has one for each of its stages, see `core.detection.methods.VIEWS`."""
@@ -168,7 +168,8 @@ class RenderSettings:
     """Accumulation window of Watch; Tune shows the detector's own window."""
     rendering: Rendering = "polarity"
     colours: PolarityColours = "orange / blue"
-    arrangement: Arrangement = "side by side"
+    arrangement: Arrangement = "automatic"
+    """Automatic: what fills more of the middle in Export, side by side elsewhere."""
     magnifies_ball: bool = True
     """Whether pictures of whole sensors show the ball magnified in a corner."""
 
@@ -224,6 +225,17 @@ class WatchView:
 
 
 @dataclass(frozen=True, slots=True)
+class LabelChoices:
+    """What a reload keeps of Label's view."""
+
+    zoom: float = 1.0
+    compared: str = ""
+    """Title of the labels beside one's own; "": none."""
+    proposed: bool = False
+    """Whether there are proposals, which a reload does not keep."""
+
+
+@dataclass(frozen=True, slots=True)
 class Configs:
     """The two detector configs of a browser."""
 
@@ -257,6 +269,7 @@ class ClientState:
     look: RenderSettings = field(default_factory=RenderSettings)
     tune: TuneView = field(default_factory=TuneView)
     watch: WatchView = field(default_factory=WatchView)
+    label: LabelChoices = field(default_factory=LabelChoices)
     looks: int = 0
     """Count of jumps from one mode to a moment in another."""
     annotator: str | None = None

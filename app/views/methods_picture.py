@@ -55,7 +55,7 @@ def render_methods(
 ) -> Mosaic:
     """Draw the tiles; all show the same part of the sensor."""
     region = _region(request, found, reference)
-    columns = columns_of(len(found)) if request.look.arrangement == "side by side" else 1
+    columns = columns_of(len(found)) if request.look.arrangement != "stacked" else 1
     canvases: list[Canvas] = []
     for answer in found:
         canvas = Canvas(region, across=columns, width_px=TILE_WIDTH_PX)

@@ -77,6 +77,22 @@ def lay_out(canvases: Sequence[Canvas], colours: PolarityColours, arrangement: A
     return lay_out_grid(canvases, colours, columns_of(len(canvases), arrangement))
 
 
+def columns_that_fill(pictures: int, picture_aspect: float, room_aspect: float) -> int:
+    """How many of these equal pictures stand beside each other where each is to be as large as it can be.
+
+    Args:
+        pictures: how many there are.
+        picture_aspect: width over height of each.
+        room_aspect: width over height of what is free for all of them.
+    """
+
+    def height(columns: int) -> float:
+        """Height of a picture, as a share of the room's."""
+        return min(1 / math.ceil(pictures / columns), room_aspect / (columns * picture_aspect))
+
+    return max(range(pictures, 0, -1), key=height, default=1)
+
+
 def columns_of(pictures: int, arrangement: Arrangement) -> int:
     """How many pictures stand beside each other; four or more make rows, so that they are not too small."""
     if arrangement == "stacked":

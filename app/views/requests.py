@@ -14,7 +14,7 @@ from app.state.client_state import RenderSettings, TuneView
 from app.state.swept_cells import SweptCells, TableClicks
 from app.views.answer_cache import AnswerCache
 from app.views.ball_inset import draw_ball_inset
-from app.views.mosaic import Mosaic, columns_of, lay_out
+from app.views.mosaic import Mosaic, columns_of, columns_that_fill, lay_out, lay_out_grid
 from app.views.stage_picture import ball_ink, draw_detection, draw_stage, draw_truth, miss_px
 from core.cameras import Camera
 from core.cameras.calibration.coverage import cell_box, cells_of
@@ -86,6 +86,9 @@ class WatchRequest:
     """Clicked corners of the table."""
     swept: SweptCells = field(default_factory=SweptCells)
     """Coverage of the ball."""
+    aspect: float | None = None
+    """Width over height of what the window leaves to all pictures, which an automatic arrangement fills; None: it puts
+    them side by side."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,6 +139,9 @@ def render_watch(request: WatchRequest) -> Mosaic:
     if request.large in cameras:
         cameras = {request.large: cameras[request.large]}
     across = columns_of(len(cameras), look.arrangement)
+    if look.arrangement == "automatic" and request.aspect is not None and cameras:
+        sensor = next(iter(cameras.values())).sensor
+        across = columns_that_fill(len(cameras), sensor.width_px / sensor.height_px, request.aspect)
     canvases: list[Canvas] = []
     balls: list[tuple[str, int]] = []
     for name, stream in cameras.items():
@@ -173,7 +179,7 @@ def render_watch(request: WatchRequest) -> Mosaic:
         draw_table_clicks(canvas, name, stream.calibration, request.table)
         canvas.caption(f"{name}: {len(window.events)} events")
         canvases.append(canvas)
-    return replace(lay_out(canvases, look.colours, look.arrangement), ball_cells=tuple(balls))
+    return replace(lay_out_grid(canvases, look.colours, across), ball_cells=tuple(balls))
 
 
 def _draw_inset(
@@ -197,7 +203,7 @@ def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[WindowAnswer, ...]]
     The truth is drawn where the ball was when the answer is valid, which is before the end of the window.
     """
     view = request.view
-    across = len(request.configs) if request.look.arrangement == "side by side" else 1
+    across = len(request.configs) if request.look.arrangement != "stacked" else 1
     found = [request.answers.find(request.stream, view.method, config, request.t_us) for _, config in request.configs]
     region = _region(request, found[0], across)
     canvases: list[Canvas] = []

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from core.config import check_settings, setting
 from labels.arrays import STATES, LabelArrays
 from labels.assist.propose import Proposals, residual_of_neighbours, residual_of_one_side
+from labels.assist.stereo import radius_is_off
 from labels.model import LabelState
 
 Array = NDArray[np.float64]
@@ -50,13 +51,15 @@ def review_queue(
     *,
     proposals: Proposals | None = None,
     stereo_residual_px: Array | None = None,
+    expected_r_px: Array | None = None,
     frames_us: ArrayLike | None = None,
     rejected_us: Sequence[int] = (),
     config: QueueConfig | None = None,
 ) -> tuple[QueueItem, ...]:
     """Times in order of suspicion: the first is where a look would change a score most.
 
-    Stored labels whose cameras disagree come before all others: two cameras do not err alike. A position at a bounce is
+    Stored labels that other cameras contradict come before all others, in position or in radius: two cameras do not err
+    alike. A position at a bounce is
     on the path before it or on that behind it, and is not suspicious.
 
     A proposal that nobody has judged counts like a label: one off the path of all others is probably wrong, and costs
@@ -67,6 +70,7 @@ def review_queue(
         labels: of one camera.
         proposals: of a detector, for the same camera.
         stereo_residual_px: (N,) of each label with the other camera's; nan: none.
+        expected_r_px: (N,) radius of each label's ball where the cameras have it; nan: not known.
         frames_us: (F,) all times that are to be labelled; unchecked ones between checked ones are queued as gaps.
         rejected_us: times of proposals that a person refused.
         config: weights and limits.
@@ -90,6 +94,15 @@ def review_queue(
         scores = np.nan_to_num(stereo_residual_px / config.sigma_px)
         contradicted = frozenset(labels.t_us[scores >= config.least_score].tolist())
         note(labels.t_us, scores, [f"the cameras disagree by {residual:.1f} px" for residual in stereo_residual_px])
+    if expected_r_px is not None:
+        off_px = np.abs(labels.r_px - expected_r_px)
+        # Of cameras that disagree the ball is at a wrong depth, and so is its radius.
+        off = radius_is_off(labels.r_px, expected_r_px) & ~np.isin(labels.t_us, list(contradicted))
+        contradicted |= frozenset(labels.t_us[off].tolist())
+        sizes = zip(labels.r_px.tolist(), expected_r_px.tolist(), strict=True)
+        reasons = [f"radius {r_px:.1f} px, the cameras expect {expected:.1f} px" for r_px, expected in sizes]
+        # A radius that is clearly off is queued, even if by few standard deviations: of a small ball.
+        note(labels.t_us, np.where(off, np.maximum(off_px / config.sigma_px, config.least_score), 0.0), reasons)
     if frames_us is not None:
         _from_gaps(labels, np.asarray(frames_us, np.int64), config, note)
     order = sorted(items.values(), key=lambda item: (item.t_us not in contradicted, -item.score, item.t_us))

@@ -100,12 +100,17 @@ STRIDE_US: Final = 10_000
 ASPECT: Final = 16 / 9
 """Width over height of the window for which the first view is chosen."""
 SLOWER: Final = 4.0
-"""Slow-down of the playback: a serve takes only half a second."""
+"""Slow-down of the playback: a serve takes only half a second. viser's player cannot begin slowly, so the times of a
+file for it are stretched; a web page keeps the recording's times and brings its own player, which begins slowly."""
 CLOCK_M: Final = (0.0, -1.1, 0.3)
 """Place of the clock: beside the net, on the viewer's side."""
 
 
-STEADY_LIGHT: Final = """<script>{
+PLAYER: Final = (
+    """<style>
+  .mantine-NumberInput-root { display: none }
+  .mantine-Select-wrapper { width: 5.2em !important }
+</style><script>{
   const append = document.head.appendChild;
   document.head.appendChild = function (node) {
     if (node.type === "module") {
@@ -113,15 +118,20 @@ STEADY_LIGHT: Final = """<script>{
         "background_intensity:1,background_wxyz:[1,0,0,0],environment_intensity:1,environment_wxyz:[1,0,0,0]}";
       node.textContent = node.textContent.replace(
         "enableDefaultLights:!0,enableDefaultLightsShadows:!0,environmentMap:null",
-        () => "enableDefaultLights:!1,enableDefaultLightsShadows:!1,environmentMap:" + none);
+        () => "enableDefaultLights:!1,enableDefaultLightsShadows:!1,environmentMap:" + none
+      ).replace("useState)(`1x`)", "useState)(`SLOWx`)"
+      ).replace("[`0.5x`,`1x`,`2x`,`4x`,`8x`]", "[`0.05x`,`0.1x`,`SLOWx`,`0.5x`,`1x`]");
     }
     return append.call(this, node);
   };
 }</script>"""
-"""Script of the page: viser's player, which unpacks itself, begins with no lamps of its own.
+).replace("SLOW", f"{1 / SLOWER:g}")
+"""Changes of the page to viser's player, which unpacks itself: it has no lamps of its own, begins slowly, and shows no
+clock of its own.
 
-It would light the scene with them each time it begins again, until the recorded messages switch them off: on a slow
-machine for seconds. Where a later player calls them otherwise the page is as viser makes it.
+It would light the scene with its lamps each time it begins again, until the recorded messages switch them off: on a
+slow machine for seconds. Its clock counts from the start of the part, in no unit, and would contradict the clock in the
+scene. Where a later player calls these otherwise they are as viser makes them: the page then begins at full speed.
 """
 
 
@@ -138,17 +148,18 @@ def export_scene(task: ExportTask) -> tuple[Path, ...]:
         unfinished_file(task.path, overwrite=task.order.overwrite) as unfinished,
         _server_for_a_moment() as server,
     ):
-        actors = _Actors(server.scene, cameras, task.order.chain.predictor.hit_x_m)
+        slower = 1.0 if task.order.format == "html" else SLOWER
+        actors = _Actors(server.scene, cameras, task.order.chain.predictor.hit_x_m, slower)
         serializer = server.get_scene_serializer()
         for moment in moments:
             with server.atomic():  # a moment is shown when all of it is there
                 actors.show(moment.picture, moment.t_us)
             server.flush()
-            serializer.insert_sleep(SLOWER * stride_us / 1e6)
+            serializer.insert_sleep(slower * stride_us / 1e6)
         if task.order.format == "html":
             page = serializer.as_html(dark_mode=True)
             title = f"<title>{html_text(task.path.stem)}</title>"
-            page = page.replace("<head>", f"<head>{STEADY_LIGHT}", 1).replace(TITLE, title, 1)
+            page = page.replace("<head>", f"<head>{PLAYER}", 1).replace(TITLE, title, 1)
             unfinished.write_text(page, encoding="utf-8")
         else:
             unfinished.write_bytes(serializer.serialize())
@@ -158,7 +169,7 @@ def export_scene(task: ExportTask) -> tuple[Path, ...]:
 class _Actors:
     """Moving objects of the scene."""
 
-    def __init__(self, scene: viser.SceneApi, cameras: dict[str, Camera], plane_x_m: float) -> None:
+    def __init__(self, scene: viser.SceneApi, cameras: dict[str, Camera], plane_x_m: float, slower: float) -> None:
         add_arena(scene, ROOT)
         self._ball = BallActors(scene, ROOT)
         self._trail = TrailActor(scene, f"{ROOT}/trail")
@@ -168,11 +179,12 @@ class _Actors:
         self._landing = LandingActors(scene, f"{ROOT}/landing")
         self._people = PeopleActor(scene, f"{ROOT}/people")
         RigActors(scene, f"{ROOT}/rig", cameras)  # without pictures, which would hide the target
-        self._clock = scene.add_label(f"{ROOT}/clock", clock_text(0), position=CLOCK_M)
+        self._slower = slower
+        self._clock = scene.add_label(f"{ROOT}/clock", clock_text(0, slower), position=CLOCK_M)
 
     def show(self, picture: RallyPicture, t_us: int) -> None:
         """Show the moment of a time."""
-        self._clock.text = clock_text(t_us)
+        self._clock.text = clock_text(t_us, self._slower)
         self._ball.show(picture.ball, picture.truth, None)
         self._trail.show(picture.trail, picture.trail_speeds_mps)
         self._ball.show_rays(picture.rays)
@@ -184,9 +196,10 @@ class _Actors:
         self._landing.show(picture.landing_target, picture.spots)
 
 
-def clock_text(t_us: int) -> str:
-    """The recording's time; the player counts the seconds of its playback, which is slower."""
-    return f"{t_us / 1e6:.3f} s (x 1/{SLOWER:g})"
+def clock_text(t_us: int, slower: float) -> str:
+    """The recording's time; with the factor where the times of the file are stretched, as its player counts those."""
+    stretched = "" if slower == 1.0 else f" (x 1/{slower:g})"
+    return f"{t_us / 1e6:.3f} s{stretched}"
 
 
 @contextlib.contextmanager

@@ -229,7 +229,7 @@ class ExportMode:
             return
         recording = self._host.recording
         if recording is None or state is None:
-            raise CommandError("no recording is open")
+            raise CommandError("no recording is open", remedy="choose one under Recording")
         span = span_of(recording, plan.start_us, plan.end_us)  # says at once what is wrong with it
         if plan.of_view:
             self._start_view(plan, span, state)

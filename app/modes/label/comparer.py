@@ -161,6 +161,8 @@ class LabelComparer:
         self.offered: dict[str, Offered] = {}
         """By title."""
         self.chosen: Offered | None = None
+        self.wanted = ""
+        """Title of what is chosen, or will be once it is offered; "": nothing."""
         self.problem = ""
         """Why there is no comparison, in one line."""
         self.notes: tuple[str, ...] = ()
@@ -185,7 +187,13 @@ class LabelComparer:
     def choose(self, title: str) -> None:
         """Compare with this one of the list from now on; with nobody for any other title."""
         self.chosen = self.offered.get(title)
+        self.wanted = "" if self.chosen is None else title
         self._forget()
+
+    def choose_when_offered(self, title: str) -> None:
+        """The same with a title that need not be in the list yet."""
+        self.choose(title)
+        self.wanted = title
 
     def tick(self, wall_s: float) -> None:
         """Look, now and then, who else there is, and what changed on either side."""
@@ -266,6 +274,8 @@ class LabelComparer:
 
     def _offer(self, found: dict[str, Offered]) -> None:
         self.offered = found
+        if self.chosen is None and self.wanted in found:
+            self.choose(self.wanted)
 
     def _take(self, ask: CompareAsk, answer: Answer) -> None:
         now = self._editor.labelling

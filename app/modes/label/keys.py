@@ -10,19 +10,20 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Final, Literal
 
+from app.modes.label.accepting import accept, accept_all, accept_segment, interpolate, reject
 from app.modes.label.conflicts import go_to_conflict, resolve_conflict, take_missing
 from app.modes.label.contacts import accept_contact, next_contact, remove_contact, set_contact
 from app.modes.label.editor import EditorAct, LabelEditor
 from app.modes.label.labelling import BIG_NUDGE_PX, NUDGE_PX, RADIUS_STEP_PX, WINDOWS_US, ZOOMS
-from app.modes.label.suggestions import accept, accept_all, accept_segment, interpolate, reject
+from app.panels.keys import MODE_KEYS
 from labels.model import ContactKind, LabelState
 
 Modifier = Literal["shift"]
 
 KEYS: Final[tuple[tuple[str, Modifier | None, str, str], ...]] = (
     ("space", None, "accept", "Accept the proposal; next time"),
-    ("enter", None, "accept_segment", "Accept the steady segment around the cursor"),
-    ("space", "shift", "accept_flight", "Accept the flight around the cursor, in all cameras"),
+    ("enter", None, "accept_segment", "Accept the proposals around the cursor that lie on one smooth path"),
+    ("space", "shift", "accept_flight", "Accept the whole flight around the cursor, in all cameras"),
     ("U", "shift", "accept_all", "Accept the proposals at this time in all cameras; next time"),
     ("R", None, "reject", "Reject the proposal"),
     ("N", None, "next", "Next time"),
@@ -35,10 +36,10 @@ KEYS: Final[tuple[tuple[str, Modifier | None, str, str], ...]] = (
     ("K", None, "suspicious", "Next item to check: a label, a proposal or a gap"),
     ("K", "shift", "blind", "A second look, blind, to measure your own noise"),
     ("X", None, "no_ball", "No ball here"),
-    ("X", "shift", "out_of_frame", "Out of frame"),
-    ("V", None, "visible", "Visible"),
-    ("V", "shift", "partly", "Partly occluded"),
-    ("C", "shift", "occluded", "Occluded (covered)"),
+    ("X", "shift", "out_of_frame", "The ball is out of the picture"),
+    ("V", None, "visible", "The ball is visible"),
+    ("V", "shift", "partly", "The ball is partly covered (partly occluded)"),
+    ("C", "shift", "occluded", "The ball is covered (occluded)"),
     ("C", None, "copy", "Copy the previous label here"),
     ("R", "shift", "snap", "Snap the label to the events"),
     ("I", None, "propose", "Propose: run the detector from here on"),
@@ -62,10 +63,10 @@ KEYS: Final[tuple[tuple[str, Modifier | None, str, str], ...]] = (
     ("pagedown", "shift", "smaller", "Radius 0.25 px smaller"),
     ("Z", None, "undo", "Undo"),
     ("Z", "shift", "redo", "Redo"),
-    ("delete", None, "clear", "Unchecked again"),
-    ("backspace", None, "clear", "Unchecked again"),
+    ("delete", None, "clear", "Delete the label: unchecked again"),
+    ("backspace", None, "clear", "Delete the label: unchecked again"),
     ("escape", None, "escape", "Discard a click without a circle; leave the second look"),
-    ("N", "shift", "next_conflict", "Next conflict with whom you compare"),
+    ("N", "shift", "next_conflict", "Next conflict with the labels that you compare with"),
     ("P", "shift", "previous_conflict", "Previous conflict"),
     ("J", None, "take_mine", "Conflict: yours is right; on to the next"),
     ("L", None, "take_theirs", "Conflict: theirs is right; on to the next"),
@@ -80,17 +81,17 @@ KEYS: Final[tuple[tuple[str, Modifier | None, str, str], ...]] = (
     ("7", None, "zoom_1", "Zoom 5x"),
     ("8", None, "zoom_2", "Zoom 10x"),
     ("9", None, "zoom_3", "Zoom 20x"),
-    ("F", "shift", "rendering", "Polarity, count, time surface"),
+    ("F", "shift", "rendering", "Show events by polarity, by count or by age: the next of these"),
 )
 """Hotkey, modifier, name of the act, what it does."""
 
 
 def label_keys_html() -> str:
     """The list that the app shows."""
+    own = ((_shown(key, modifier), text) for key, modifier, name, text in KEYS if not name.endswith("_more"))
     rows = "".join(
-        f"<tr><td style='padding-right:14px;white-space:nowrap'><b>{_shown(key, modifier)}</b></td><td>{text}</td></tr>"
-        for key, modifier, name, text in KEYS
-        if not name.endswith("_more")
+        f"<tr><td style='padding-right:14px;white-space:nowrap'><b>{key}</b></td><td>{text}</td></tr>"
+        for key, text in (*own, *MODE_KEYS)
     )
     hint = "Keys work wherever the mouse is; Enter and Escape leave a field. Drag: from the centre to the rim."
     return f"<div style='font-size:12.5px;padding:4px 12px'>{hint}<table>{rows}</table></div>"

@@ -17,6 +17,7 @@ from app.modes.label.comparer import LabelComparer, OtherStores
 from app.modes.label.contacts_panel import ContactsPanel
 from app.modes.label.editor import EditorAct, LabelCallbacks, LabelEditor, Note
 from app.modes.label.import_panel import LabelImports
+from app.modes.label.kept_view import KeptView
 from app.modes.label.keys import ACTS, HeldKeys, idle_key_text
 from app.modes.label.label_picture import strip_time
 from app.modes.label.labelling import (
@@ -78,6 +79,7 @@ class LabelMode:
         self._editor: LabelEditor | None = None
         self._suggestions: LabelSuggestions | None = None
         self._comparer: LabelComparer | None = None
+        self._kept = KeptView(host.send)
         self._other_stores = OtherStores(host.services.workspace.root, host.services.library.folders)
         self._recording: Recording | None = None
         self._view = LabelView()
@@ -156,6 +158,7 @@ class LabelMode:
     def use_recording(self, recording: Recording) -> None:
         """Another recording was opened."""
         self._drop()
+        self._kept.forget()
         self._recording, self._in_bar = recording, None
         self._contacts.forget()
         if self._host.state is not None:
@@ -179,6 +182,7 @@ class LabelMode:
             editor.change_view({"camera": state.camera})
         self._results.tick(editor, state, wall_s)
         self._imports.tick(editor, wall_s)
+        self._kept.follow(state, editor, comparer)
         comparer.tick(wall_s)
         now = editor.labelling
         scene = self._scene(editor, state)
@@ -414,7 +418,9 @@ class LabelMode:
         assert suggestions is not None
         live = isinstance(self._recording, RingRecording)
         self._panel.show_save(live_html(self._live.share) if live else save_html(now, editor.writer))
-        proposals = proposals_html(now.here.proposals, suggestions.share, len(self._keys) > 0)
+        proposals = proposals_html(
+            now.here.proposals, suggestions.share, len(self._keys) > 0, lost=self._kept.lacks_proposals
+        )
         self._panel.show_proposals(proposals, suggestions.share is not None)
         label = None if now.view.repeat else now.here.labels.get(now.t_us)
         reason = suggestions.reason_for(label)

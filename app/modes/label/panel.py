@@ -28,6 +28,41 @@ ANNOTATOR: Final = "Annotator"
 """Label of the field with the annotator's name."""
 ACCEPT_ALL_HINT: Final = "Accepts the proposals at this time. Labels in two cameras propose the ball in all others"
 
+RAYS_HINT: Final = "Shows the lines on which the other cameras see the ball, and how well all agree"
+BUTTONS: Final = (
+    (
+        "Accept steady segment (Enter)",
+        "accept_segment",
+        viser.Icon.CHECKS,
+        "The proposals around the cursor, as long as they lie on one smooth path",
+    ),
+    (
+        "Accept whole flight (Shift space)",
+        "accept_flight",
+        viser.Icon.PLAYER_TRACK_NEXT,
+        "The proposals of one flight, in all cameras that agree; needs two calibrated ones",
+    ),
+    (
+        "Interpolate (Shift I)",
+        "interpolate",
+        viser.Icon.VECTOR_SPLINE,
+        "Labels the unchecked times between your labels around the cursor",
+    ),
+    (
+        "Next to check (K)",
+        "suspicious",
+        viser.Icon.ALERT_TRIANGLE,
+        "Goes to the label, proposal or gap that is most probably wrong, and says why",
+    ),
+    (
+        "Second look (Shift K)",
+        "blind",
+        viser.Icon.EYE_OFF,
+        "Asks for a label again without showing the first one: it measures how exact you are",
+    ),
+)
+"""Label, act, icon and hint of the buttons that help."""
+
 
 @dataclass(frozen=True, slots=True)
 class PanelActions:
@@ -78,7 +113,9 @@ class LabelPanel:
         self._window = Choice(gui, "Window [ms]", windows, self._choose_window, hint="Keys 1 to 5")
         zooms = tuple("whole" if zoom == 1 else f"{zoom:g}x" for zoom in ZOOMS)
         self._zoom = Choice(gui, "Zoom", zooms, self._choose_zoom, hint="Keys 6 to 9")
-        self._step = gui.add_dropdown("Label every", [step_label(step) for step in LABEL_STEPS_US])
+        self._step = gui.add_dropdown(
+            "Label every", [step_label(step) for step in LABEL_STEPS_US], hint="Step between the times to label"
+        )
         self._named = DEFAULT_ANNOTATOR
         """The annotator that the field was last told."""
         when_changed(self._annotator, lambda value: actions.name(str(value)))
@@ -102,20 +139,20 @@ class LabelPanel:
     def _add_assistance(self, gui: viser.GuiApi) -> None:
         actions = self._actions
         with gui.add_folder("Assistance"):
-            self._snap = gui.add_checkbox("Snap clicks to the events", True)
-            self._advance = gui.add_checkbox("Next time after each label", False)
-            self._follow = gui.add_checkbox("Zoom follows the ball", True)
-            self._epipolar = gui.add_checkbox("Other cameras' rays", True)
+            self._snap = gui.add_checkbox(
+                "Snap clicks to the events", True, hint="A click becomes the circle that fits the events there"
+            )
+            self._advance = gui.add_checkbox(
+                "Next time after each label", False, hint="After a click or a key that labels"
+            )
+            self._follow = gui.add_checkbox(
+                "Zoom follows the ball", True, hint="Off: a zoomed picture stays where it is"
+            )
+            self._epipolar = gui.add_checkbox("Other cameras' rays", True, hint=RAYS_HINT)
             self._propose = gui.add_button("Propose from here on (I)", icon=viser.Icon.WAND, color="teal")
             self._proposals = gui.add_html("")
-            for label, name, icon in (
-                ("Accept steady segment (Enter)", "accept_segment", viser.Icon.CHECKS),
-                ("Accept whole flight (Shift space)", "accept_flight", viser.Icon.PLAYER_TRACK_NEXT),
-                ("Interpolate (Shift I)", "interpolate", viser.Icon.VECTOR_SPLINE),
-                ("Next to check (K)", "suspicious", viser.Icon.ALERT_TRIANGLE),
-                ("Second look (Shift K)", "blind", viser.Icon.EYE_OFF),
-            ):
-                when_clicked(gui.add_button(label, icon=icon), lambda name=name: actions.act(name))
+            for label, name, icon, hint in BUTTONS:
+                when_clicked(gui.add_button(label, icon=icon, hint=hint), lambda name=name: actions.act(name))
             self._accept_all = gui.add_button(
                 "Accept in all cameras (Shift U)", icon=viser.Icon.CHECKBOX, visible=False, hint=ACCEPT_ALL_HINT
             )

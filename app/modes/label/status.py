@@ -17,6 +17,7 @@ from app.modes.label.labelling import Labelling
 from app.modes.label.sightings import FROM_OTHERS, CameraAgreement, draft_at
 from app.pictures.palette import PaletteIndex
 from labels.assist import Proposals
+from labels.assist.stereo import radius_is_off
 from labels.model import Label
 
 HERE_STYLE = "height:66px;overflow-y:auto"
@@ -25,11 +26,6 @@ BRAND = f"rgb{theme.BRAND_RGB}"
 AMBER = "#ffb020"
 FAR_PX = 2.0
 """Cameras that agree less are marked."""
-RADIUS_OFF_SHARE = 0.25
-"""A radius is marked that differs by more of the expected one (choice; 99 % of what
-`refined` proposes in the sample two-throws.h5 is within 4 %)."""
-RADIUS_OFF_PX = 1.0
-"""And by more than this: of a small ball no hand draws a quarter of the radius."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +168,7 @@ def here_html(
     if agreement is not None:
         ball = label if label is not None else draft
         r_px = None if ball is None else ball.r_px
-        wrong_size = radius_is_off(r_px, agreement.expected_r_px)
+        wrong_size = r_px is not None and bool(radius_is_off(r_px, agreement.expected_r_px))
         if wrong_size:
             text = f"radius {r_px:.1f} px, expected {agreement.expected_r_px:.1f} px: a ball there has another size"
             lines.append(note_html(text, theme.BAD))
@@ -183,13 +179,6 @@ def here_html(
         if agreement.off_px:
             lines.append(_residuals_html(agreement))
     return f"<div style='{HERE_STYLE}'>{''.join(lines)}</div>"
-
-
-def radius_is_off(r_px: float | None, expected_r_px: float) -> bool:
-    """Whether a circle is clearly not of a ball where the cameras have it; never if either radius, px, is unknown."""
-    if r_px is None or not np.isfinite(expected_r_px):
-        return False
-    return abs(r_px - expected_r_px) > max(RADIUS_OFF_SHARE * expected_r_px, RADIUS_OFF_PX)
 
 
 def agreement_words(agreement: CameraAgreement) -> str:
@@ -209,10 +198,12 @@ def _residuals_html(agreement: CameraAgreement) -> str:
     return note_html(f"px of each: {', '.join(parts)}", theme.MUTED)
 
 
-def proposals_html(proposals: Proposals | None, share: float | None, held: bool) -> str:
-    """How far the detector has come, and whether a key waits for it."""
+def proposals_html(proposals: Proposals | None, share: float | None, held: bool, *, lost: bool = False) -> str:
+    """How far the detector has come, whether a key waits for it, and whether a reload has lost what it proposed."""
     count = 0 if proposals is None else len(proposals)
     if share is not None:
         waits = "; Enter waits for it, Escape cancels" if held else ""
         return note_html(f"proposing: {percent(share)}, {count} so far{waits}", BRAND if held else theme.MUTED)
+    if lost and proposals is None:
+        return note_html("Proposals are not kept over a reload: I runs the detector again", AMBER)
     return note_html(f"{count} proposals" if count else "&nbsp;", theme.MUTED)  # empty, the buttons would move

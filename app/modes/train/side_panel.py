@@ -17,6 +17,7 @@ from app.modes.train.status import case_counts_html, kept_html, log_html, map_ht
 from app.modes.train.view import COMPARED, ChartData, Details, RunsView
 from app.panels.recording_info import PanelLayout
 from app.views.image_view import set_png
+from app.widgets import decades, log_scale
 
 Array = NDArray[np.float64]
 CHART_HEIGHT_PX: Final = 102
@@ -90,9 +91,10 @@ class ChartsPanel:
             return
         for name, chart in self._charts.items():
             chart.data = (data.axis, *columns[name])
-            scales = _scales(data.end, name, _range_of(name, columns[name]))
+            y_range = _range_of(name, columns[name])
+            scales = _scales(data.end, name, y_range)
             if scales != chart.scales:
-                chart.scales = scales
+                chart.scales, chart.axes = scales, _axes(name, y_range)
 
     def _add_charts(self, data: ChartData, columns: dict[str, list[Array]]) -> None:
         self._place.visible = True
@@ -152,8 +154,7 @@ def _scales(end: int, name: str, y_range: tuple[float, float]) -> dict[str, uplo
     if name == "error_mm":
         return {
             "x": uplot.Scale(time=False, auto=False, range=(0.0, float(end))),
-            # Inverse hyperbolic sine, from 10 mm on a logarithm: a logarithmic scale draws NaN at its lower end.
-            "y": uplot.Scale(auto=False, range=y_range, distr=4, asinh=1.0, log=10),
+            "y": log_scale(*y_range),
         }
     return {
         "x": uplot.Scale(time=False, auto=False, range=(0.0, float(end))),
@@ -164,16 +165,25 @@ def _scales(end: int, name: str, y_range: tuple[float, float]) -> dict[str, uplo
 def _add_chart(
     gui: viser.GuiApi, name: str, series: tuple[uplot.Series, ...], data: ChartData, curves: list[Array]
 ) -> viser.GuiUplotHandle:
+    y_range = _range_of(name, curves)
     return gui.add_uplot(
         (data.axis, *curves),
         series,
-        scales=_scales(data.end, name, _range_of(name, curves)),
-        axes=(_axis(size=22), _axis(size=38)),
+        scales=_scales(data.end, name, y_range),
+        axes=_axes(name, y_range),
         bands=({"series": (1, 2), "fill": BAND},) if name != WEIGHTS else None,
         legend=uplot.Legend(show=False),
         height=CHART_HEIGHT_PX,
         padding=(6, 14, 0, 2),
     )
+
+
+def _axes(name: str, y_range: tuple[float, float]) -> tuple[uplot.Axis, ...]:
+    """Axes of a chart; the logarithmic one has a line at each power of ten within its scale."""
+    y = _axis(size=38)
+    if name == "error_mm":
+        y["splits"] = decades(*y_range)
+    return _axis(size=22), y
 
 
 def _axis(size: int) -> uplot.Axis:

@@ -124,7 +124,9 @@ def case_counts_html(counts: dict[Case, int]) -> str:
 
 def offsets_title_html() -> str:
     """HTML title of the picture of offsets."""
-    return _box(f"Seen from their targets; <span style='color:{NEWEST_COLOUR}'>●</span> the last {NEW_BALLS}")
+    return _box(
+        f"Landings around their target; <span style='color:{NEWEST_COLOUR}'>●</span> the last {NEW_BALLS} balls"
+    )
 
 
 def map_html(words: tuple[str, ...]) -> str:

@@ -15,7 +15,7 @@ from app.formatting import html_text
 from app.modes.tune.compare_run import CompareAnswer, comparison_html, method_css, stretch_names, stretches_html
 from app.state.client_state import ClientState
 from app.state.commands import Command, CompareMethod, SetSideBySide
-from app.widgets import Choice, Listing, when_changed, when_clicked
+from app.widgets import Choice, Listing, decades, log_scale, when_changed, when_clicked
 from core.detection.methods import METHODS, Method
 from core.errors import CommandError
 from core.metrics.compare import ErrorRun
@@ -59,7 +59,7 @@ class MethodCharts:
                     (answer.axis_s, *columns[name]),
                     _series(),
                     scales=scales,
-                    axes=(_axis(22), _axis(38, grid=name != "step")),
+                    axes=(_axis(22), _axis(38, decades(*STEP_RANGE_MS) if name == "step" else None)),
                     legend=uplot.Legend(show=False),
                     height=HEIGHT_PX,
                     padding=(6, 14, 0, 2),
@@ -96,7 +96,7 @@ def _scales(name: str, axis_s: Array, curves: list[Array]) -> dict[str, uplot.Sc
     if name == "recall":
         return {"x": x, "y": uplot.Scale(auto=False, range=(0.0, 104.0))}
     if name == "step":
-        return {"x": x, "y": uplot.Scale(auto=False, range=STEP_RANGE_MS, distr=3, log=10)}
+        return {"x": x, "y": log_scale(*STEP_RANGE_MS)}
     known = np.concatenate([curve[np.isfinite(curve)] for curve in curves])
     highest = float(known.max()) if len(known) else 0.0
     top = next((top for top in ERROR_TOPS_PX if highest <= top), ERROR_TOPS_PX[-1])
@@ -116,15 +116,18 @@ def _series() -> tuple[uplot.Series, ...]:
     return (uplot.Series(label="s"), *lines)
 
 
-def _axis(size: int, *, grid: bool = True) -> uplot.Axis:
-    """Options of an axis; a logarithmic one has no grid, which would have too many lines."""
-    return uplot.Axis(
+def _axis(size: int, splits: tuple[float, ...] | None = None) -> uplot.Axis:
+    """Options of an axis; `splits`: the only values that have a line and a number."""
+    axis = uplot.Axis(
         stroke=AXIS,
         size=size,
         font="11px sans-serif",
-        grid={"show": grid, "stroke": GRID, "width": 1},
-        ticks={"show": grid, "stroke": GRID, "width": 1, "size": 4},
+        grid={"stroke": GRID, "width": 1},
+        ticks={"stroke": GRID, "width": 1, "size": 4},
     )
+    if splits is not None:
+        axis["splits"] = splits
+    return axis
 
 
 def _title(text: str) -> str:

@@ -16,7 +16,7 @@ from app.modes.mode import ModeHost, do_in_pool
 from app.modes.watch.figures import balls_text
 from app.shared.live_rally import LiveRally
 from app.shared.rallies import learning_start, start_choices
-from app.widgets import Listing, plot_axis, when_changed, when_clicked
+from app.widgets import Listing, decades, log_scale, plot_axis, when_changed, when_clicked
 from core.online_learning.progress import WINDOW, LearningProgress
 from core.online_learning.start import NOTHING
 
@@ -143,8 +143,7 @@ class LearningPanel:
         numbers = columns[0]
         scales = {
             "x": uplot.Scale(time=False, auto=False, range=(float(numbers[0]) - 1, float(max(20.0, numbers[-1])))),
-            # 3 is uPlot's logarithmic axis.
-            "y": uplot.Scale(auto=False, distr=3, range=RANGE_MM),
+            "y": log_scale(*RANGE_MM),
         }
         if self._chart is not None:
             self._chart.data, self._chart.scales = columns, scales
@@ -158,7 +157,7 @@ class LearningPanel:
                     uplot.Series(label="median", stroke=MEDIAN, width=2, points={"show": False}),
                 ),
                 scales=scales,
-                axes=(plot_axis("ball"), plot_axis("mm")),
+                axes=(plot_axis("ball"), plot_axis("mm", decades(*RANGE_MM))),
                 legend=uplot.Legend(show=False),
                 height=CHART_HEIGHT_PX,
             )

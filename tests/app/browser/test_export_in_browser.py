@@ -64,4 +64,8 @@ def test_a_scene_as_a_page_is_lit_as_in_the_app_whenever_it_plays(chromium, serv
     for _ in range(3):  # it lasts 0.16 s: each picture is of another pass
         seen.append(save_screenshot(page, "scene-page"))
     assert max(count_like(picture, TOO_BRIGHT, 25) for picture in seen) < 500, "no lamps of the player's own"
+    speed = page.locator("input.mantine-Select-input").input_value()
+    assert speed == "0.25x", "of the recording's time, which the clock in the scene shows"
+    assert page.locator(".mantine-NumberInput-root").count() == 1
+    assert page.locator(".mantine-NumberInput-root").is_hidden(), "the player's own clock has another time, and no unit"
     page.close()

@@ -124,6 +124,18 @@ def test_a_reload_keeps_what_was_looked_at_and_a_colleague_with_the_link_sees_it
     page.close()
 
 
+def test_label_has_its_zoom_again_after_a_reload(chromium: Browser, lab) -> None:
+    page = open_page(chromium)
+    session = Window(page, lab).session
+    session.send(SetMode("Label"))
+    eventually(lambda: session._modes["Label"]._editor, "Label to be open")
+    session.later(lambda: session._modes["Label"]._act("zoom_2"))
+    eventually(lambda: "label_zoom=10" in address(page), "the address to have it")
+    again = reloaded(page, lab, session)._modes["Label"]
+    eventually(lambda: again._editor is not None and again._editor.labelling.view.zoom == 10.0, "the zoom to be back")
+    page.close()
+
+
 def is_stored(lab, session) -> bool:
     """Whether the settings of the browser are on the disk."""
     stored = lab.services.browsers.recall(session.page._visit.browser)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from app.client_session.view_link import MAX_LENGTH, commands_of, link_of, values_of
+from app.modes.label.kept_view import KeepLabelChoices
 from app.modes.watch.commands import EnlargeCamera, ShowLayer, ShowSpace
 from app.scene.world import LAYERS
 from app.state import commands
@@ -51,6 +52,7 @@ def used() -> ClientState:
         ShowLayer(LAYERS[0], on=False),
         EnlargeCamera("right"),
         commands.ToggleMark(77_000),
+        KeepLabelChoices(5.0, "bea in others/one & two.sqlite", True),
         commands.Loop((100_000, 200_000)),
     ):
         state = command.apply(state, 5.0)
@@ -61,7 +63,7 @@ def test_a_link_leads_to_the_same_view_and_settings() -> None:
     state = used()
     there = followed(link_of(state, state.playhead.position_us(5.0)))
     assert there.configs.present == state.configs.present
-    for name in ("recording", "camera", "mode", "step_us", "look", "tune", "watch", "marks_us"):
+    for name in ("recording", "camera", "mode", "step_us", "look", "tune", "watch", "label", "marks_us"):
         assert getattr(there, name) == getattr(state, name), name
     assert there.playhead.loop_us == (100_000, 200_000)
     assert there.playhead.position_us(9.0) == 123_456 and there.playhead.speed == 0.01
@@ -101,7 +103,7 @@ def test_a_followed_link_is_one_step_that_can_be_undone() -> None:
         "",
         "no link",
         "&&&==&",
-        "mode=Hack&camera=../../etc&t=nan&speed=-1&zoom=inf&at=1&stage=x&method=rm&slot=Z",
+        "mode=Hack&camera=../../etc&t=nan&speed=-1&zoom=inf&at=1&stage=x&method=rm&slot=Z&label_zoom=3",
         "v=1&a.cluster.eps_px=1e999",
         "v=1&a.no.such=1",
         "v=1&a.cluster.eps_px=[[[",

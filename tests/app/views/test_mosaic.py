@@ -1,7 +1,7 @@
 import pytest
 
 from app.pictures.canvas import Canvas, Region
-from app.views.mosaic import GAP_PX, lay_out, lay_out_grid
+from app.views.mosaic import GAP_PX, columns_that_fill, lay_out, lay_out_grid
 
 
 @pytest.mark.parametrize("arrangement", ["side by side", "stacked"])
@@ -37,3 +37,20 @@ def test_a_grid_begins_a_row_below_the_highest_of_the_row_before() -> None:
 
 def test_an_empty_sheet_has_a_size() -> None:
     assert (lay_out([], "orange / blue", "stacked").width, lay_out([], "orange / blue", "stacked").height) == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("pictures", "picture_aspect", "room_aspect", "columns"),
+    [
+        (2, 16 / 9, 1.3, 1),  # below each other in a usual window
+        (2, 16 / 9, 2.4, 2),  # beside each other in a wide and low one
+        (2, 1.0, 1.3, 2),
+        (3, 16 / 9, 1.6, 2),
+        (4, 16 / 9, 16 / 9, 2),
+        (4, 16 / 9, 8.0, 4),
+        (1, 16 / 9, 0.5, 1),
+        (0, 16 / 9, 1.0, 1),
+    ],
+)
+def test_pictures_are_arranged_to_be_as_large_as_they_can(pictures, picture_aspect, room_aspect, columns) -> None:
+    assert columns_that_fill(pictures, picture_aspect, room_aspect) == columns

@@ -12,12 +12,13 @@ from app.pictures.canvas import Canvas, Region
 from app.pictures.palette import PaletteIndex
 from app.state.client_state import Overlay, RenderSettings, TuneView
 from app.views.answer_cache import AnswerCache
-from app.views.requests import TuneRequest, render_tune, window_before
+from app.views.requests import TuneRequest, WatchRequest, render_tune, render_watch, window_before
 from app.views.stage_picture import draw_stage
 from core.config import replace_setting
 from core.detection import DetectorConfig
 from core.detection.method_trace import MethodTrace
 from core.detection.methods import VIEWS, Method, method_config
+from core.detection.saved import SavedDetector
 from core.recordings import CameraStream, open_recording
 
 BALL_US = 300_000
@@ -36,6 +37,17 @@ def stream(serve_recording: Path) -> Iterator[CameraStream]:
 
 def request(stream: CameraStream, config: DetectorConfig, last_px: tuple[float, float] | None = None) -> TuneRequest:
     return TuneRequest(stream, BALL_US, RenderSettings(), ZOOMED, (("A", config),), AnswerCache(), last_px)
+
+
+def test_pictures_fill_the_room_that_is_named_and_stand_beside_each_other_where_none_is(serve_recording: Path) -> None:
+    with open_recording(serve_recording) as recording:
+        wanted = WatchRequest(recording, BALL_US, RenderSettings(), SavedDetector("auto", SEEN), show_truth=False)
+        usual = render_watch(wanted)
+        filling = render_watch(replace(wanted, aspect=1.3))
+        chosen = render_watch(replace(wanted, aspect=1.3, look=RenderSettings(arrangement="side by side")))
+    assert len({picture.y for picture in usual.pictures}) == 1
+    assert len({picture.x for picture in filling.pictures}) == 1
+    assert len({picture.y for picture in chosen.pictures}) == 1, "what a person chose counts more"
 
 
 def middle(region: Region) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from core.cameras.presets import camera_preset
 from labels.arrays import label_arrays
 from labels.assist import Proposals, ball_in_space, fit_flight, reproject, whole_flight
 from labels.assist.flight import FittedFlight
-from labels.assist.stereo import BallInSpace, Position, median_residual_px
+from labels.assist.stereo import BallInSpace, Position, median_over_cameras
 from labels.model import Label, LabelState
 
 pytestmark = pytest.mark.numeric
@@ -125,6 +125,6 @@ def test_a_ball_outside_the_picture_is_nowhere_in_it() -> None:
 
 def test_one_of_three_others_that_contradicts_does_not_outvote_two() -> None:
     said = [np.array([0.2, 9.0, np.nan]), np.array([0.4, 8.0, np.nan]), np.array([7.0, np.nan, np.nan])]
-    middle = median_residual_px(said)
+    middle = median_over_cameras(said)
     assert middle is not None and middle[:2].tolist() == pytest.approx([0.4, 8.5]) and np.isnan(middle[2])
-    assert median_residual_px([]) is None
+    assert median_over_cameras([]) is None

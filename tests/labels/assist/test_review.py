@@ -29,8 +29,12 @@ pytestmark = pytest.mark.numeric
 T = np.arange(0, 60_000, 2000)
 
 
+def straight_at(t_us: int) -> Label:
+    return Label(t_us=t_us, state=LabelState.VISIBLE, x_px=100 + t_us * 2e-3, y_px=50.0)
+
+
 def straight(**changes: Label) -> LabelArrays:
-    labels = {int(t): Label(t_us=int(t), state=LabelState.VISIBLE, x_px=100 + t * 2e-3, y_px=50.0) for t in T}
+    labels = {t_us: straight_at(t_us) for t_us in T.tolist()}
     labels.update({label.t_us: label for label in changes.values()})
     return label_arrays(labels.values())
 
@@ -77,6 +81,26 @@ def test_the_other_camera_speaks_against_labels() -> None:
     queue = review_queue(straight(), stereo_residual_px=residual)
     assert [item.t_us for item in queue] == [14_000]
     assert queue[0].reason == "the cameras disagree by 9.0 px"
+
+
+def test_a_label_of_a_wrong_size_comes_before_worse_proposals_and_says_why() -> None:
+    radii = {int(t): 8.5 for t in T} | {14_000: 12.2, 20_000: 3.2, 30_000: 12.2}
+    labels = label_arrays(
+        [dataclasses.replace(straight_at(t), r_px=r_px) for t, r_px in radii.items()],
+    )
+    expected, residual = np.full(len(T), 8.5), np.full(len(T), 0.3)
+    expected[10] = 2.1  # of a small ball 1.1 px: 1.6 standard deviations
+    residual[15] = 9.0  # the depth, and so the radius, is of no ball
+    proposed = detections(T + 1000)  # between the labels
+    y_px = proposed.y_px.copy()
+    y_px[3] += 60.0
+    proposals = dataclasses.replace(proposed, y_px=y_px)
+    queue = review_queue(labels, proposals=proposals, stereo_residual_px=residual, expected_r_px=expected)
+    assert [(item.t_us, item.reason) for item in queue[:3]] == [
+        (30_000, "the cameras disagree by 9.0 px"),
+        (14_000, "radius 12.2 px, the cameras expect 8.5 px"),
+        (20_000, "radius 3.2 px, the cameras expect 2.1 px"),
+    ]
 
 
 def test_a_stored_label_that_the_other_camera_contradicts_comes_before_worse_proposals() -> None:

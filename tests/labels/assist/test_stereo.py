@@ -11,7 +11,7 @@ from core.table import BALL_RADIUS_M, GRAVITY_MPS2
 from labels.arrays import label_arrays
 from labels.assist.curve import NOT_COVERED
 from labels.assist.flight import FittedFlight, curve_of_flight, fit_flight
-from labels.assist.stereo import check_stereo, epipolar_curve
+from labels.assist.stereo import check_stereo, epipolar_curve, radius_is_off
 from labels.model import Label, LabelState
 
 pytestmark = pytest.mark.numeric
@@ -177,3 +177,18 @@ def test_a_missing_position_does_not_disturb_the_others() -> None:
     uvs = LEFT.project(POINTS)
     with_gap = np.vstack([uvs, [(np.nan, np.nan)]])
     np.testing.assert_array_equal(LEFT.undistort(with_gap)[:-1], LEFT.undistort(uvs))
+
+
+@pytest.mark.parametrize(
+    ("r_px", "expected_r_px", "off"),
+    [
+        (12.23, 8.5, True),
+        (5.0, 8.5, True),
+        (9.0, 8.5, False),
+        (3.0, 2.2, False),  # a small ball: no hand is so exact
+        (float("nan"), 8.5, False),
+        (8.5, float("nan"), False),
+    ],
+)
+def test_a_radius_is_off_where_it_is_clearly_not_the_balls(r_px: float, expected_r_px: float, off: bool) -> None:
+    assert radius_is_off(r_px, expected_r_px) == off

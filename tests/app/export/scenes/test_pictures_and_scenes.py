@@ -1,7 +1,9 @@
 """Films, pictures and 3D scenes, read by other readers than those that wrote them."""
 
+import base64
 import json
 from pathlib import Path
+from typing import Any
 
 import cv2
 import msgspec
@@ -29,6 +31,21 @@ def share_like(image: np.ndarray, rgb: tuple[int, int, int], tolerance: int = 30
     return float((np.abs(image.astype(int) - rgb).max(axis=-1) < tolerance).mean())
 
 
+def scene_content(data: bytes) -> dict[str, Any]:
+    """What viser's player reads of a scene: `messages` with their times, `durationSeconds`."""
+    unpacked = zstandard.ZstdDecompressor().decompressobj().decompress(data[8:])
+    size = int.from_bytes(unpacked[:8], "little")
+    return msgspec.msgpack.decode(unpacked[8 : 8 + size])
+
+
+def clocks(content: dict[str, Any]) -> list[str]:
+    """Each text of the clock in the scene."""
+    updates = [
+        message.get("updates", {}) for _, message in content["messages"] if message.get("name") == "/world/clock"
+    ]
+    return [update["text"] for update in updates if "text" in update]
+
+
 def test_the_film_has_a_frame_every_ten_milliseconds(serve_recording: Path, tmp_path, capsys) -> None:
     assert main(["export", str(serve_recording), "--mp4", str(tmp_path / "a.mp4"), *PART, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["format"] == "mp4"
@@ -53,10 +70,9 @@ def test_the_picture_shows_table_ball_and_both_cameras(serve_recording: Path, tm
 
 def test_the_scene_plays_four_times_slower_and_moves_the_ball(serve_recording: Path, tmp_path) -> None:
     assert main(["export", str(serve_recording), "--viser", str(tmp_path / "a.viser"), *PART]) == 0
-    data = zstandard.ZstdDecompressor().decompressobj().decompress((tmp_path / "a.viser").read_bytes()[8:])
-    size = int.from_bytes(data[:8], "little")
-    content = msgspec.msgpack.decode(data[8 : 8 + size])
+    content = scene_content((tmp_path / "a.viser").read_bytes())
     assert content["durationSeconds"] == pytest.approx(0.4)
+    assert clocks(content)[-1] == "0.200 s (x 1/4)", "its player counts stretched seconds"
     names = {str(message.get("name")) for _, message in content["messages"]}
     assert {"/world/ball", "/world/trail", "/world/table/top", "/world/rig/0", "/world/racket"} <= names
     times = [t for t, message in content["messages"] if message.get("name") == "/world/ball" and t > 0]
@@ -69,6 +85,14 @@ def test_the_web_page_needs_nothing_else(serve_recording: Path, tmp_path) -> Non
     assert "<title>serve &amp; spin</title>" in page and "<title>Viser</title>" not in page
     assert "__VISER_EMBED_DATA__" in page and len(page) > 500_000
     assert 'src="http' not in page and 'href="http' not in page
+
+
+def test_the_web_page_has_the_times_of_the_recording_only(serve_recording: Path, tmp_path) -> None:
+    assert main(["export", str(serve_recording), "--html", str(tmp_path / "a.html"), *PART]) == 0
+    page = (tmp_path / "a.html").read_text()
+    content = scene_content(base64.b64decode(page.split('__VISER_EMBED_DATA__="')[1].split('"')[0]))
+    assert content["durationSeconds"] == pytest.approx(0.1)
+    assert clocks(content)[-1] == "0.200 s"
 
 
 @pytest.mark.parametrize("kind", ["mp4", "png", "viser", "html"])

@@ -13,6 +13,7 @@ from app.modes.label.keys import KEYS, HeldKeys, label_keys_html
 from app.modes.label.labelling import DEFAULT_STEP_US, Labelling
 from app.modes.label.mode import LabelMode
 from app.panels.keys import KEYS as OTHER_KEYS
+from app.panels.keys import keys_html
 from app.server import App
 from app.shared.library import Library
 from app.shared.workspace import Workspace
@@ -32,6 +33,8 @@ def test_no_key_is_taken_twice_moves_the_camera_or_chooses_a_mode() -> None:
 def test_every_key_is_listed_for_the_person() -> None:
     shown = label_keys_html()
     assert all(text in shown for _, _, name, text in KEYS if not name.endswith("_more"))
+    for listed in (shown, keys_html()):
+        assert "Shift 1 to 5" in listed and "Mode: Watch, Tune, Label, Train, Export" in listed
     assert {"N", "P", "Z"} <= {key for key, _, _ in OTHER_KEYS}  # the same hands in the other modes
 
 

@@ -10,7 +10,7 @@ from app import theme
 from app.modes.label.editor import LabelEditor
 from app.modes.label.labelling import Grid
 from app.modes.label.sightings import agreement_at, draft_at
-from app.modes.label.status import Checked, here_html, radius_is_off, save_html, status_words
+from app.modes.label.status import Checked, here_html, save_html, status_words
 from app.modes.label.suggestions import nothing_suspicious_words
 from labels.model import PositionSource
 from tests.app.modes.label.test_editor import BALL_US, Bench, propose
@@ -21,21 +21,6 @@ def bench(tmp_path: Path, serve_recording: Path) -> Iterator[Bench]:
     bench = Bench(tmp_path / "labels", serve_recording)
     yield bench
     bench.close()
-
-
-@pytest.mark.parametrize(
-    ("r_px", "expected_r_px", "off"),
-    [
-        (12.23, 8.5, True),
-        (5.0, 8.5, True),
-        (9.0, 8.5, False),
-        (3.0, 2.2, False),  # a small ball: no hand is so exact
-        (None, 8.5, False),
-        (8.5, float("nan"), False),
-    ],
-)
-def test_a_radius_is_off_where_it_is_clearly_not_the_balls(r_px: float | None, expected_r_px: float, off: bool) -> None:
-    assert radius_is_off(r_px, expected_r_px) == off
 
 
 def test_a_circle_of_a_wrong_size_is_no_good_news_and_the_reason_comes_before_it(bench: Bench) -> None:
@@ -52,6 +37,22 @@ def test_a_circle_of_a_wrong_size_is_no_good_news_and_the_reason_comes_before_it
     assert f"radius {wrong.r_px:.1f} px, expected {agreement.expected_r_px:.1f} px" in said and theme.BAD in said
     assert said.count(theme.GOOD) == 1, "that of the label's state only"
     assert said.index("why you are here") < said.index("expected") < said.index("agree")
+
+
+def test_the_queue_leads_to_the_label_of_a_wrong_size(bench: Bench) -> None:
+    for camera in ("right", "left"):
+        bench.editor.change_view({"camera": camera})
+        for t_us in range(BALL_US, BALL_US + 30_000, 2000):
+            bench.click_truth(t_us)
+    wrong = BALL_US + 14_000
+    bench.look(wrong)
+    bench.press(*["larger"] * 16)
+    bench.look(BALL_US)
+    bench.suggestions.next_suspicious()
+    bench.wait(lambda: bench.suggestions.reason)
+    label = bench.work.here.labels[wrong]
+    assert bench.work.t_us == wrong
+    assert bench.suggestions.reason.startswith(f"radius {label.r_px:.1f} px, the cameras expect")
 
 
 def test_a_circle_drawn_where_no_proposal_was_shown_is_by_hand(bench: Bench) -> None:
