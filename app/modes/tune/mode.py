@@ -168,6 +168,7 @@ class TuneMode:
         """Show the sections without a folder around them: each level of folders narrows the label column."""
         for panel in (self._view, self._compare.panel, self._settings, self._auto.panel, self._files):
             panel.folder.visible = visible
+        self._view.space_folder.visible = visible
 
     def _show_anew(self) -> None:
         self._shown = None

@@ -250,15 +250,6 @@ class TuneViewPanel:
         self.folder = gui.add_folder("View")
         with self.folder:
             self._camera = Listing(gui, "Camera", lambda name: send(SetCamera(name)))
-            self._space = Choice(
-                gui, "Show", (IN_SPACE, FLAT), lambda value: send(ShowEventsInSpace(value == IN_SPACE)),
-                hint="3D: the events of the window and its neighbours in space and time",
-            )  # fmt: skip
-            self._colour = Choice(
-                gui, "Colour", SPACE_COLOURS, lambda value: send(SetSpaceColour(value)),  # type: ignore[arg-type]
-                hint="Of the window's events: as in the stage's picture, ON and OFF, or green and red candidates",
-            )  # fmt: skip
-            self._note = gui.add_html("", visible=False)
             self._stage = Choice(
                 gui, "Stage", VIEWS[DEFAULT_METHOD], lambda value: send(SetOverlay(value)),
                 hint="Shows what each stage keeps; keys 1 to 7",
@@ -274,6 +265,18 @@ class TuneViewPanel:
                 "Changed", ("Show", "Reset all"), visible=False, hint="Show the next changed config; reset all methods"
             )
             self._compare = gui.add_checkbox("Compare A and B", False, hint="Both configs on the same window")
+        # Last of all: above the sliders it would push those of the shown stage out of a window of 720 px.
+        self.space_folder = gui.add_folder("Space and time", order=1e6)
+        with self.space_folder:
+            self._space = Choice(
+                gui, "Show", (IN_SPACE, FLAT), lambda value: send(ShowEventsInSpace(value == IN_SPACE)),
+                hint="3D: the events of the window and its neighbours in space and time",
+            )  # fmt: skip
+            self._colour = Choice(
+                gui, "Colour", SPACE_COLOURS, lambda value: send(SetSpaceColour(value)),  # type: ignore[arg-type]
+                hint="Of the window's events: as in the stage's picture, ON and OFF, or green and red candidates",
+            )  # fmt: skip
+            self._note = gui.add_html("", visible=False)
         when_changed(self._zoom, lambda value: send(SetZoom(float(str(value)))))
         when_changed(self._compare, lambda value: send(SetCompare(bool(value))))
         when_clicked(self._follow, lambda: send(LookAt(None)))
