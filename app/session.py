@@ -259,10 +259,10 @@ class Session:
         uses_time = mode.uses_recording
         self._bar.show(self._state, now_us, wall_s, visible=uses_time, keys=uses_time and not mode.takes_keys)
         self.page.tick(self._state, now_us, wall_s)
-        self.page.show_keys(self._state.mode, moves_camera=mode.middle == "world")
+        self.page.show_keys(self._state.mode, moves_camera=mode.middle in ("world", "space"))
         self._tour.tick(self._state.mode)
         middle = mode.middle
-        self.plane.set_visible(middle != "world")  # first: from then on it does not move the camera
+        self.plane.set_visible(middle not in ("world", "space"))  # first: from then on it does not move the camera
         self.world.show(middle == "world")
         if middle == "events":
             self._request_picture(self._state, self._recording, now_us, wall_s)

@@ -23,7 +23,7 @@ from app.web.uploads import Purpose
 from core.errors import CommandError, RallyscopeError
 from core.recordings import Recording
 
-Middle = Literal["events", "sheet", "world"]
+Middle = Literal["events", "sheet", "world", "space"]
 
 
 class ModeHost(Protocol):
@@ -123,7 +123,9 @@ class Mode(Protocol):
 
     @property
     def middle(self) -> Middle:
-        """What the middle of the window shows: the session's event pictures, a sheet of the mode's own, or 3D."""
+        """What the middle of the window shows: the session's event pictures, a sheet of the mode's own, the rally in
+        3D, or a 3D scene of the mode's own.
+        """
         ...
 
     @property

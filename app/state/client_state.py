@@ -20,6 +20,10 @@ from core.detection.saved import SavedDetector
 
 V = TypeVar("V")
 
+SpaceColour = Literal["stage", "polarity", "verdict"]
+"""What colours a window's events in space and time: as in the stage's picture, ON and OFF, or candidates by verdict."""
+SPACE_COLOURS: Final[tuple[SpaceColour, ...]] = get_args(SpaceColour)
+
 MERGE_WITHIN_S = 0.8
 """Changes of one setting closer than this are one step: a slider sends some twenty a second while it is dragged."""
 
@@ -194,6 +198,14 @@ class TuneView:
     side_by_side: bool = False
     """Whether the compared methods are shown side by side, instead of one method's configs."""
     show_truth: bool = True
+    in_space: bool = False
+    """Whether the window's events are shown in space and time instead of as a picture."""
+    space_colour: SpaceColour = "stage"
+
+    @property
+    def shows_space(self) -> bool:
+        """Whether events in space and time are shown: compared methods are pictures always."""
+        return self.in_space and not self.side_by_side
 
     @property
     def stage(self) -> Overlay:

@@ -15,6 +15,7 @@ from app.state.swept_cells import SweptCells, TableClicks
 from app.views.answer_cache import AnswerCache
 from app.views.ball_inset import draw_ball_inset
 from app.views.mosaic import Mosaic, columns_of, columns_that_fill, lay_out, lay_out_grid
+from app.views.space_time import SpaceTime, answers_around, space_time_of
 from app.views.stage_picture import ball_ink, draw_detection, draw_stage, draw_truth, miss_px
 from core.cameras import Camera
 from core.cameras.calibration.coverage import cell_box, cells_of
@@ -64,6 +65,7 @@ def _edges(corners: tuple[str, ...], *, closed: bool) -> np.ndarray:
     return np.vstack([a + share * (b - a) for a, b in pairwise(ends)])
 
 
+NO_SHEET = Mosaic((), 16, 9)
 CELL_GAP_PX = 10
 """Gap between the frames of uncovered cells."""
 BINNED_WIDTH_PX = 900
@@ -119,6 +121,8 @@ class PictureAnswer:
     seconds: float
     misses_px: tuple[float | None, ...] = ()
     """`miss_px` of each answer, if the truth is shown; else empty."""
+    space: SpaceTime | None = None
+    """What is shown instead of the mosaic, which is empty then."""
 
 
 def answer_request(request: WatchRequest | TuneRequest) -> PictureAnswer:
@@ -126,10 +130,14 @@ def answer_request(request: WatchRequest | TuneRequest) -> PictureAnswer:
     start_s = time.perf_counter()
     if isinstance(request, WatchRequest):
         return PictureAnswer(render_watch(request), (), time.perf_counter() - start_s)
-    sheet, found = render_tune(request)
+    if request.view.shows_space:
+        space, answer = render_space(request)
+        sheet, found = NO_SHEET, (answer,)
+    else:
+        space, (sheet, found) = None, render_tune(request)
     truth = request.stream.truth if request.view.show_truth else None
     misses_px = () if truth is None else tuple(miss_px(answer.detection, truth) for answer in found)
-    return PictureAnswer(sheet, found, time.perf_counter() - start_s, misses_px)
+    return PictureAnswer(sheet, found, time.perf_counter() - start_s, misses_px, space)
 
 
 def render_watch(request: WatchRequest) -> Mosaic:
@@ -221,6 +229,25 @@ def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[WindowAnswer, ...]]
         canvas.caption(f"{request.stream.name}, {view.method}, config {name}: {_when(answer)}")
         canvases.append(canvas)
     return lay_out(canvases, request.look.colours, request.look.arrangement), tuple(found)
+
+
+def render_space(request: TuneRequest) -> tuple[SpaceTime, WindowAnswer]:
+    """Events of the first config's window and its neighbours in space and time, and the answer to that window."""
+    view, stream = request.view, request.stream
+    _, config = request.configs[0]
+    answer = request.answers.find(stream, view.method, config, request.t_us)
+    space = space_time_of(
+        stream,
+        answer,
+        answers_around(stream, answer, config),
+        _region(replace(request, aspect=None), answer, 1),
+        view.stage,
+        view.space_colour,
+        request.look.colours,
+        truth=stream.truth if view.show_truth else None,
+        wrong=view.show_truth and is_wrong(miss_px(answer.detection, stream.truth)),
+    )
+    return space, answer
 
 
 def is_wrong(distance_px: float | None) -> bool:

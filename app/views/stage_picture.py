@@ -57,7 +57,7 @@ def draw_stage(
 ) -> None:
     """Paint the events as a stage sees them, then the shapes that belong to it, and the ball; a `wrong` one in red."""
     view = trace.view(name)
-    canvas.paint_pixels(_pixels(window, trace, name, rendering))
+    canvas.paint_pixels(stage_pixels(window, trace, name, rendering))
     for shape in view.shapes:
         _draw_shape(canvas, shape)
     for ink in np.unique(view.dot_kinds).tolist():
@@ -143,8 +143,8 @@ def cluster_colour_index(label: int) -> int:
     return PaletteIndex.CLUSTER + label % CLUSTER_COLOURS
 
 
-def _pixels(window: Window, trace: MethodTrace, name: str, rendering: Rendering) -> NDArray[np.uint8]:
-    """Palette indices of a stage's pixels over the dimmed events of the window."""
+def stage_pixels(window: Window, trace: MethodTrace, name: str, rendering: Rendering) -> NDArray[np.uint8]:
+    """(H, W) palette indices of a stage's pixels over the dimmed events of the window."""
     layer = trace.view(name).pixels
     if layer is None:
         return event_picture(window, rendering)

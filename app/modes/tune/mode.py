@@ -17,6 +17,7 @@ from app.modes.tune.run_score import RunScore, score_run
 from app.modes.tune.settings import ConfigFilesPanel, SettingsPanel, TuneViewPanel, detect_command
 from app.modes.tune.verdict_line import ScoredConfig, VerdictLine
 from app.panels.time_bar import Runs, runs_of_verdicts
+from app.scene.space_time import SpaceTimeScene
 from app.state.client_state import SLOTS, ClientState, Slot
 from app.state.commands import BeginScore, Command, LookAt, SetMode, UseConfig
 from app.state.config_words import config_words
@@ -56,6 +57,7 @@ class TuneMode:
         """The time and place of the last click into the picture."""
         self._known = KnownReferences()
         self._pictures = LatestWins(host.pool, _answer, self._picture_done, self._picture_failed)
+        self._space = SpaceTimeScene(host.client, lambda point: host.later(lambda: self._pick(point)))
         gui = host.client.gui
         self._view = TuneViewPanel(gui, self._send)
         self._settings = SettingsPanel(gui, self._send)
@@ -76,8 +78,9 @@ class TuneMode:
 
     @property
     def middle(self) -> Middle:
-        """Tune shows a picture of its own."""
-        return "sheet"
+        """Tune shows a picture of its own, or the window's events in space and time."""
+        state = self._host.state
+        return "space" if state is not None and state.tune.shows_space else "sheet"
 
     @property
     def needs_tick(self) -> bool:
@@ -93,6 +96,7 @@ class TuneMode:
         self._known.clear()  # labels may have changed
         if not active:
             self._verdicts.follow(None)
+            self._space.set_visible(False)
         self._shown = self._requested = None
         self._progress_s = self._offered_s = float("-inf")
 
@@ -129,6 +133,8 @@ class TuneMode:
             self._host.send(BeginScore())
             self._score.cancel()
             self._start_score(state.score_by)
+        self._space.set_visible(state.tune.shows_space)
+        self._space.stand(self._host.plane.aspect, self._host.plane.panel_share)
         self._settings.tick(wall_s)
         self._auto.tick(wall_s)
         self._compare.tick(wall_s)
@@ -139,8 +145,11 @@ class TuneMode:
     def clicked(self, x: float, y: float) -> None:
         """Centre the zoomed view on the click; a cluster there moves to the top of the table."""
         if (point := self._host.plane.sheet.sensor_point(x, y)) is not None:
-            self._host.send(LookAt(point))
-            self._picked, self._requested = (self._now_us, point), None
+            self._pick(point)
+
+    def _pick(self, point: tuple[float, float]) -> None:
+        self._host.send(LookAt(point))
+        self._picked, self._requested = (self._now_us, point), None
 
     def close(self) -> None:
         """The browser has disconnected."""
@@ -159,6 +168,7 @@ class TuneMode:
         """Show the sections without a folder around them: each level of folders narrows the label column."""
         for panel in (self._view, self._compare.panel, self._settings, self._auto.panel, self._files):
             panel.folder.visible = visible
+        self._view.space_folder.visible = visible
 
     def _show_anew(self) -> None:
         self._shown = None
@@ -173,7 +183,7 @@ class TuneMode:
         self._now_us = now_us
         if recording is None:
             return
-        slots: tuple[Slot, ...] = SLOTS if view.compare else (view.slot,)
+        slots: tuple[Slot, ...] = SLOTS if view.compare and not view.shows_space else (view.slot,)
         configs: tuple[tuple[Slot, DetectorConfig], ...] = tuple(
             (slot, state.history.present.of(slot)) for slot in slots
         )
@@ -211,7 +221,12 @@ class TuneMode:
     def _show_answer(self, request: TuneRequest | MethodsRequest, answer: PictureAnswer) -> None:
         if not self._active:
             return
-        self._host.plane.show(answer.sheet, request)
+        if answer.space is None:
+            self._host.plane.show(answer.sheet, request)
+        else:
+            self._host.plane.freshness.answered(request)
+            self._space.show(answer.space)
+            self._view.show_note(answer.space.note)
         if isinstance(request, TuneRequest):
             for found in answer.found[:1]:
                 if found.detection is not None:

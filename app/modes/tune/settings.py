@@ -10,8 +10,9 @@ import viser
 
 from app import theme
 from app.formatting import html_text, percent
+from app.modes.tune.commands import SetSpaceColour, ShowEventsInSpace
 from app.panels.field_control import add_field_control, section_title
-from app.state.client_state import SLOTS, ClientState
+from app.state.client_state import SLOTS, SPACE_COLOURS, ClientState
 from app.state.commands import (
     ZOOM_RANGE,
     Command,
@@ -239,6 +240,9 @@ FOLLOW, FOLLOWING, WHOLE = "Follow the ball", "Follows the ball", "Follow the ba
 """Texts of the button: what it does, or why it is disabled."""
 
 
+IN_SPACE, FLAT = "3D", "Picture"
+
+
 class TuneViewPanel:
     """Controls of camera, window and zoom."""
 
@@ -261,6 +265,18 @@ class TuneViewPanel:
                 "Changed", ("Show", "Reset all"), visible=False, hint="Show the next changed config; reset all methods"
             )
             self._compare = gui.add_checkbox("Compare A and B", False, hint="Both configs on the same window")
+        # Last of all: above the sliders it would push those of the shown stage out of a window of 720 px.
+        self.space_folder = gui.add_folder("Space and time", order=1e6)
+        with self.space_folder:
+            self._space = Choice(
+                gui, "Show", (IN_SPACE, FLAT), lambda value: send(ShowEventsInSpace(value == IN_SPACE)),
+                hint="3D: the events of the window and its neighbours in space and time",
+            )  # fmt: skip
+            self._colour = Choice(
+                gui, "Colour", SPACE_COLOURS, lambda value: send(SetSpaceColour(value)),  # type: ignore[arg-type]
+                hint="Of the window's events: as in the stage's picture, ON and OFF, or green and red candidates",
+            )  # fmt: skip
+            self._note = gui.add_html("", visible=False)
         when_changed(self._zoom, lambda value: send(SetZoom(float(str(value)))))
         when_changed(self._compare, lambda value: send(SetCompare(bool(value))))
         when_clicked(self._follow, lambda: send(LookAt(None)))
@@ -274,8 +290,12 @@ class TuneViewPanel:
         """Update the controls from the state."""
         self._camera.offer(state.cameras)
         self._camera.show(state.camera)
-        self._stage.visible = not state.tune.side_by_side
-        self._compare.visible = not state.tune.side_by_side
+        in_space = state.tune.shows_space
+        self._space.visible = self._stage.visible = not state.tune.side_by_side
+        self._space.show(IN_SPACE if in_space else FLAT)
+        self._colour.visible = self._note.visible = in_space
+        self._colour.show(state.tune.space_colour)
+        self._compare.visible = not state.tune.side_by_side and not in_space
         self._stage.offer(VIEWS[state.tune.method])
         self._stage.show(state.tune.stage)
         self._zoom.value = state.tune.zoom
@@ -288,6 +308,10 @@ class TuneViewPanel:
         self._changed.visible = self._changes.visible = bool(words)
         self._changed.content = stage_counts_html(html_text(words))
         self._compare.value = state.tune.compare
+
+    def show_note(self, text: str) -> None:
+        """Say which events are shown in space and time."""
+        self._note.content = stage_counts_html(text)
 
 
 class ConfigFilesPanel:

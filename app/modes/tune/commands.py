@@ -1,0 +1,29 @@
+"""Commands of Tune's view in space and time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from app.state.client_state import SPACE_COLOURS, ClientState, SpaceColour
+
+
+@dataclass(frozen=True, slots=True)
+class ShowEventsInSpace:
+    """Show the window's events in space and time, or as a picture."""
+
+    on: bool
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return replace(state, tune=replace(state.tune, in_space=bool(self.on)))
+
+
+@dataclass(frozen=True, slots=True)
+class SetSpaceColour:
+    """Choose what colours the window's events in space and time."""
+
+    colour: SpaceColour
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        if self.colour not in SPACE_COLOURS:
+            return state
+        return replace(state, tune=replace(state.tune, space_colour=self.colour))
