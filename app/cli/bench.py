@@ -132,9 +132,8 @@ def requested_bench(arguments: BenchArguments) -> tuple[Callable[..., dict[str, 
     if arguments.recorded is not None:
         name = OWN_RECORDINGS.get(arguments.name, name)
     module = load_from_checkout(name)
-    options: dict[str, object] = given({name: getattr(arguments, name) or None for name in OPTIONS if name != "seed"})
-    if arguments.seed is not None:
-        options["seed"] = arguments.seed
+    values = {name: getattr(arguments, name) for name in OPTIONS}
+    options: dict[str, object] = given({name: None if value is False else value for name, value in values.items()})
     taken = inspect.signature(module.run).parameters.keys()
     asked = given({"jobs": arguments.engine.jobs, "cluster": arguments.engine.cluster})
     for option in [*(options.keys() - taken), *([] if "engine" in taken else asked)]:

@@ -93,9 +93,8 @@ def moment_html(
         ("Hit predicted after the bounce", _hit(step.after if step else None, moment.t_us)),
     ]
     if robot:
-        rows.append(("Hit chosen", _chosen(step, moment.t_us)))
-    if robot:
         rows += [
+            ("Hit chosen", _chosen(step, moment.t_us)),
             ("Racket turned by", _action(sent, action_limit_deg)),
             ("Racket pose, wxyz", "-" if sent is None else " ".join(f"{value:+.3f}" for value in sent.target.q_wxyz)),
             ("Aims at", _target(sent)),
