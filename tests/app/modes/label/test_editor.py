@@ -384,8 +384,11 @@ def test_a_whole_flight_is_accepted_in_both_cameras_and_leads_to_what_is_doubted
         assert LabelStore.read(bench.folder, Layer(bench.recording.uuid, camera, "anna")).all() != ()
     assert wrong_us not in bench.work.here.labels
     assert bench.work.t_us == wrong_us and re.match(r"(8|9)\.\d px off the flight", bench.suggestions.reason)
+    in_right = dict(bench.work.works["right"].labels)
     bench.press("undo")
-    assert not bench.work.here.labels and bench.work.works["right"].labels
+    assert not bench.work.here.labels and not bench.work.works["right"].labels
+    bench.press("redo")
+    assert bench.work.here.labels and bench.work.works["right"].labels == in_right
 
 
 def test_a_flight_that_is_none_says_so_and_labels_nothing(bench: Bench) -> None:
@@ -551,7 +554,18 @@ def test_labels_in_two_cameras_propose_the_ball_in_the_others_and_one_key_accept
         assert (made.source, made.detector) == expected
     four.editor.go_to(BALL_US)
     four.press("undo")
-    assert labelled_in(four, BALL_US) == set(FOUR) - {four.work.view.camera}, "undo is of this camera"
+    assert labelled_in(four, BALL_US) == set(FOUR) - {four.work.view.camera}, "its click: the key changed others only"
+    four.press("redo")
+    assert labelled_in(four, BALL_US) == set(FOUR)
+    four.editor.change_view({"camera": FOUR[2]})
+    four.press("undo")
+    assert labelled_in(four, BALL_US) == set(FOUR[:2]), "what one key accepted goes at once"
+    four.press("redo", "right", "undo")
+    four.editor.change_view({"camera": FOUR[3]})
+    four.press("right")
+    four.editor.change_view({"camera": FOUR[2]})
+    four.press("undo")
+    assert labelled_in(four, BALL_US) == set(FOUR) - {FOUR[2]}, "what was changed since stays"
 
 
 @pytest.mark.gate
