@@ -208,11 +208,17 @@ class LabelStore:
 
     @property
     def can_undo(self) -> bool:
-        return bool(self._followed().done)
+        return self.next_step() is not None
 
     @property
     def can_redo(self) -> bool:
-        return bool(self._followed().undone)
+        return self.next_step(redo=True) is not None
+
+    def next_step(self, *, redo: bool = False) -> int | None:
+        """Number of the edit that `step_back` takes back, or brings back, next; None without one."""
+        history = self._followed()
+        edits = history.undone if redo else history.done
+        return edits[-1] if edits else None
 
     def put(self, label: Label) -> None:
         """Add or replace the label at its time."""
@@ -287,7 +293,7 @@ class LabelStore:
         Raises:
             LabelError: if it is not saved.
         """
-        if not (self.can_redo if redo else self.can_undo):
+        if self.next_step(redo=redo) is None:
             return UndoStep()
         with self.writing() as db, self._history_lock, transaction(db):
             return step_back(db, self.writer, self._history, redo=redo)

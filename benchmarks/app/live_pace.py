@@ -12,13 +12,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from app.server import App
-from app.shared.library import Library
-from app.shared.live_rally import LIVE, LiveRally, SimulationProcess, join_simulation
-from app.shared.workspace import Workspace
-from benchmarks.app.bare_browser import WINDOW, measuring_browser
+from app.shared.live_rally import LiveRally
+from benchmarks.app.bare_browser import measuring_browser
+from benchmarks.app.opened_rally import shown_rally, wait_until
 from benchmarks.machine import Row, goal_row
-from core.errors import CommandError
 from core.live.link import messages as m
 
 if TYPE_CHECKING:
@@ -28,7 +25,6 @@ RUNS: Final = 5
 RUN_S: Final = 60.0
 SPEEDS_MPS: Final = (5.0, 6.0, 7.0, 8.0, 9.0)
 """Of the serves, in turns within each run."""
-PATIENCE_S: Final = 300.0
 SETTLE_S: Final = 10.0
 SECOND_S: Final = 1.0
 
@@ -110,22 +106,14 @@ def measure_in(
 ) -> list[Row]:
     """Measure in an open browser."""
     watch, found = PaceWatch(), []
-    process = SimulationProcess("--auto-serve", f"{SPEEDS_MPS[0]:g}", "--seed", "3")
-    live = join_simulation(process.wait(), process=process)
-    live.source.add_listener(watch)
-    workspace = Workspace(folder)
-    app = App(workspace, Library(workspace), LIVE, host="127.0.0.1", port=0, live=live)
-    page = browser.new_page(viewport={"width": WINDOW[0], "height": WINDOW[1]})
-    try:
-        page.goto(f"http://127.0.0.1:{app.port}/", timeout=1e3 * PATIENCE_S)
-        _wait_for(lambda: live.player.snapshot.returned >= 1)
+    with shown_rally(browser, folder, SPEEDS_MPS[0]) as (live, _):
+        live.source.add_listener(watch)
+        problem = "the live rally did not come up in the browser"
+        wait_until(lambda: live.player.snapshot.returned >= 1, problem, where="bench app --only pace")
         time.sleep(SETTLE_S)
         for number in range(runs):
             found.append(_run(live, watch, seconds))
             progress((number + 1) / runs)
-    finally:
-        page.close()
-        app.stop()
     return rows_of(found)
 
 
@@ -166,11 +154,3 @@ def rows_of(runs: list[PaceRun]) -> list[Row]:
 def _processor_times() -> np.ndarray:
     """Ticks of all processors: user, nice, system, idle, iowait, irq, softirq, steal."""
     return np.array(Path("/proc/stat").read_text("utf-8").split("\n", 1)[0].split()[1:], np.int64)
-
-
-def _wait_for(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        if time.monotonic() > deadline:
-            raise CommandError("the live rally did not come up in the browser", where="bench app --only pace")
-        time.sleep(0.2)

@@ -17,49 +17,41 @@ import numpy as np
 from app.modes.watch.mode import WatchMode
 from app.scene.world import World
 from app.server import App
-from app.shared.library import Library
-from app.shared.live_rally import LIVE, SimulationProcess, join_simulation
-from app.shared.workspace import Workspace
-from benchmarks.app.bare_browser import WINDOW, measuring_browser
-from core.errors import CommandError
+from benchmarks.app.bare_browser import measuring_browser
+from benchmarks.app.opened_rally import opened_rally, shown_rally, wait_until
 
-COMING_UP_S = 300.0
-"""Given to the first start, which compiles."""
+SPEED_MPS = 5.0
 SETTLE_S = 8.0
 """Until everything is compiled and loaded."""
 
 
 def measure_alone(seconds: float, sensor: str) -> None:
     """Print one line about simulation and chain without a browser."""
-    process = SimulationProcess("--auto-serve", "5", "--sensor", sensor)
-    live = join_simulation(process.wait(), process=process)
-    time.sleep(SETTLE_S)
-    began_us, cpu_s, wall_s = live.recording.duration_us, time.process_time(), time.monotonic()
-    time.sleep(seconds)
-    wall_s = time.monotonic() - wall_s
-    share = (time.process_time() - cpu_s) / wall_s
-    snapshot = live.player.snapshot
-    health = snapshot.health
-    print(
-        f"{sensor}: {(live.recording.duration_us - began_us) / 1e6 / wall_s:.2f} x real time, {share:.2f} of a core "
-        f"beside the simulation, chain {health.core_share:.2f} of a core, step p50 {health.step.p50_ms:.2f} p99 "
-        f"{health.step.p99_ms:.1f} ms, block to command p50 {health.arrival_to_sent.p50_ms:.1f} p99 "
-        f"{health.arrival_to_sent.p99_ms:.1f} ms, {snapshot.returned} of {snapshot.played} balls returned, "
-        f"load {os.getloadavg()[0]:.1f}"
-    )
-    live.close()
+    with opened_rally(SPEED_MPS, "--sensor", sensor) as live:
+        time.sleep(SETTLE_S)
+        began_us, cpu_s, wall_s = live.recording.duration_us, time.process_time(), time.monotonic()
+        time.sleep(seconds)
+        wall_s = time.monotonic() - wall_s
+        share = (time.process_time() - cpu_s) / wall_s
+        snapshot = live.player.snapshot
+        health = snapshot.health
+        print(
+            f"{sensor}: {(live.recording.duration_us - began_us) / 1e6 / wall_s:.2f} x real time, {share:.2f} of a "
+            f"core beside the simulation, chain {health.core_share:.2f} of a core, step p50 {health.step.p50_ms:.2f} "
+            f"p99 {health.step.p99_ms:.1f} ms, block to command p50 {health.arrival_to_sent.p50_ms:.1f} p99 "
+            f"{health.arrival_to_sent.p99_ms:.1f} ms, {snapshot.returned} of {snapshot.played} balls returned, "
+            f"load {os.getloadavg()[0]:.1f}"
+        )
 
 
 def measure_shown(seconds: float) -> None:
     """Print one line about the rally in a browser."""
-    with tempfile.TemporaryDirectory() as folder, measuring_browser() as browser:
-        process = SimulationProcess("--auto-serve", "5")
-        live = join_simulation(process.wait(), process=process)
-        workspace = Workspace(Path(folder))
-        lab = App(workspace, Library(workspace), LIVE, host="127.0.0.1", port=0, live=live)
-        page = browser.new_page(viewport={"width": WINDOW[0], "height": WINDOW[1]})
-        page.goto(f"http://127.0.0.1:{lab.port}/", timeout=1e3 * COMING_UP_S)
-        watch, world = shown_rally(lab)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        measuring_browser() as browser,
+        shown_rally(browser, Path(folder), SPEED_MPS) as (live, lab),
+    ):
+        watch, world = first_watch(lab)
         time.sleep(SETTLE_S)
         draws, pictures = note_calls(world, "draw"), note_calls(watch._cameras, "show")
         paces = []
@@ -80,17 +72,12 @@ def measure_shown(seconds: float) -> None:
             f"dropped {health.blocks_dropped} of {health.blocks + health.blocks_dropped} blocks, "
             f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
         )
-        page.close()
-        lab.stop()
 
 
-def shown_rally(lab: App) -> tuple[WatchMode, World]:
+def first_watch(lab: App) -> tuple[WatchMode, World]:
     """Watch of the first browser, once its 3D scene is there."""
-    deadline_s = time.monotonic() + COMING_UP_S
-    while not (lab.sessions and lab.sessions[0].world.visible):
-        if time.monotonic() > deadline_s:
-            raise CommandError("the live rally did not come up in the browser", where="measure_live")
-        time.sleep(0.2)
+    comes_up = lambda: bool(lab.sessions) and lab.sessions[0].world.visible  # noqa: E731
+    wait_until(comes_up, "the live rally did not come up in the browser", where="measure_live")
     session = lab.sessions[0]
     watch = session._modes["Watch"]
     assert isinstance(watch, WatchMode)

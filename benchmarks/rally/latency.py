@@ -13,25 +13,21 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from app.server import App
-from app.shared.library import Library
-from app.shared.live_rally import LIVE, LiveRally, SimulationProcess, join_simulation
-from app.shared.workspace import Workspace
-from benchmarks.app.bare_browser import WINDOW, find_chromium, measuring_browser
-from core.errors import CommandError
+from app.shared.live_rally import LiveRally
+from benchmarks.app.bare_browser import find_chromium, measuring_browser
+from benchmarks.app.opened_rally import opened_rally, shown_rally, wait_until
 from core.live.live_snapshot import STAGES
 from core.live.urgency import NICENESS, TURN_S
 
 SPEEDS_MPS: Final = (5.0, 7.0, 9.0)
 SETTLE_S: Final = 10.0
-PATIENCE_S: Final = 600.0
 PYTHON_TURN_S: Final = 0.005
 URGENT: Final = ("live-player", "racket-commands")
 TO_SENT: Final = len(STAGES) - 1
@@ -58,31 +54,22 @@ def measure_latency(turns: int, turn_s: float) -> dict[str, object]:
 
 
 def _without_browser(turns: int, turn_s: float) -> dict[str, object]:
-    process = SimulationProcess("--auto-serve", f"{SPEEDS_MPS[0]:g}", "--seed", "3")
-    live = join_simulation(process.wait(), process=process)
-    try:
+    with opened_rally(SPEEDS_MPS[0]) as live:
         return _measure(live, turns, turn_s)
-    finally:
-        live.close()
 
 
 def _with_browser(turns: int, turn_s: float) -> dict[str, object]:
-    with tempfile.TemporaryDirectory() as folder, measuring_browser() as browser:
-        process = SimulationProcess("--auto-serve", f"{SPEEDS_MPS[0]:g}", "--seed", "3")
-        live = join_simulation(process.wait(), process=process)
-        workspace = Workspace(Path(folder))
-        app = App(workspace, Library(workspace), LIVE, host="127.0.0.1", port=0, live=live)
-        page = browser.new_page(viewport={"width": WINDOW[0], "height": WINDOW[1]})
-        try:
-            page.goto(f"http://127.0.0.1:{app.port}/", timeout=1e3 * PATIENCE_S)
-            return _measure(live, turns, turn_s)
-        finally:
-            page.close()
-            app.stop()
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        measuring_browser() as browser,
+        shown_rally(browser, Path(folder), SPEEDS_MPS[0]) as (live, _),
+    ):
+        return _measure(live, turns, turn_s)
 
 
 def _measure(live: LiveRally, turns: int, turn_s: float) -> dict[str, object]:
-    _wait_for(lambda: live.player.snapshot.health.commands_sent > 0)
+    sends = lambda: live.player.snapshot.health.commands_sent > 0  # noqa: E731
+    wait_until(sends, "the live rally sent no command", where="bench rally --latency")
     time.sleep(SETTLE_S)
     rows: dict[str, Rows] = {name: [] for name in SETTINGS}
     pauses: dict[str, list[float]] = {name: [] for name in SETTINGS}
@@ -173,11 +160,3 @@ def ratio_of(rows: Rows, before: Rows) -> dict[str, float | None]:
         name: None if (value := mine[name]) is None or not (base := other[name]) else value / base
         for name in ("p50", "p99")
     }
-
-
-def _wait_for(there: Callable[[], bool]) -> None:
-    deadline_s = time.monotonic() + PATIENCE_S
-    while not there():
-        if time.monotonic() > deadline_s:
-            raise CommandError("the live rally sent no command", where="bench rally --latency")
-        time.sleep(0.2)

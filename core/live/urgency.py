@@ -26,11 +26,17 @@ def shorten_turns() -> None:
 
 
 def go_first(niceness: int = NICENESS) -> bool:
-    """Give the calling thread that priority; False where the system has none for threads, or does not allow it."""
+    """Give the calling thread that priority; False where the system has none for threads, or does not allow it.
+
+    Threads and processes that it starts have normal priority.
+    """
     if sys.platform != "linux":  # elsewhere the number of a thread is none of a process
         return False
+    thread = threading.get_native_id()
     try:
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), niceness)
+        # Otherwise they inherit it: OpenCV's threads, which the first picture's computation starts for all pictures.
+        os.sched_setscheduler(thread, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0))
+        os.setpriority(os.PRIO_PROCESS, thread, niceness)
     except OSError as error:
         logger.debug("no priority for %s: %s", threading.current_thread().name, error)
         return False

@@ -46,7 +46,7 @@ def accept(editor: LabelEditor) -> None:
 
 
 def accept_all(editor: LabelEditor) -> None:
-    """Label what is proposed here in every camera, as one step of undo in each, and go on.
+    """Label what is proposed here in every camera, as one step of undo, and go on.
 
     The cursor stays where these labels place the ball in further cameras: what is proposed there is to be seen first.
     """
@@ -152,7 +152,7 @@ def interpolate(editor: LabelEditor) -> None:
 
 
 def accept_flight(editor: LabelEditor, cameras: tuple[str, ...], found: WholeFlight) -> None:
-    """Label every time of a flight at which the proposals agree with it: one step of undo in each camera.
+    """Label every time of a flight at which the proposals agree with it, as one step of undo.
 
     `cameras` are those of the flight, the labelled one first. The cursor goes to the first doubted proposal of that, or
     behind the flight.
@@ -169,7 +169,7 @@ def accept_flight(editor: LabelEditor, cameras: tuple[str, ...], found: WholeFli
         return
     pair = len(cameras) == 2
     count, where = sum(map(len, labels.values())), "both cameras" if pair else f"{len(cameras)} cameras"
-    text = f"{count} labels in {where}; Z takes back those of this camera."
+    text = f"{count} labels in {where}; Z takes them back."
     if doubted_us or elsewhere:
         others = "the other camera" if pair else "the other cameras"
         text += f" To check: {len(doubted_us)} here, {elsewhere} in {others}. K leads through them."

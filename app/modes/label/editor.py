@@ -76,6 +76,8 @@ class LabelEditor:
         self._looked_s = 0.0
         self._made_at: dict[tuple[Layer, frozenset[int]], int] = {}
         """Where the cursor was when several times were changed at once, by what was changed."""
+        self._together: list[dict[Layer, int | None]] = []
+        """Edits that were made by one act in several layers; None: the act changed nothing there, or not yet."""
         self._read_layers()
 
     def do(self, act: EditorAct) -> None:
@@ -104,11 +106,17 @@ class LabelEditor:
         return True
 
     def write_all(self, changes: Mapping[str, Change]) -> bool:
-        """Save changes of the same person's layers of several cameras, by camera; False as for `write`."""
+        """Save changes of the same person's layers of several cameras, by camera; False as for `write`.
+
+        Undo takes them back together.
+        """
         if not self.callbacks.may_write(self._act):
             return False
-        for camera, change in changes.items():
-            self._save(replace(self.labelling.layer, camera=camera), change, False, lambda saved: None)
+        by_layer = {replace(self.labelling.layer, camera=camera): change for camera, change in changes.items()}
+        edits: dict[Layer, int | None] = dict.fromkeys(by_layer)
+        self._together.append(edits)
+        for layer, change in by_layer.items():
+            self._save(layer, _noting_edit(change, layer, edits), False, lambda saved: None)
         return True
 
     def note(self, title: str, text: str, colour: str = "yellow") -> None:
@@ -324,14 +332,30 @@ class LabelEditor:
         self.write(change)
 
     def undo(self, *, redo: bool = False) -> None:
-        """Take back, or bring back, what this browser changed last, and show it. What others did stays."""
+        """Take back, or bring back, what this browser changed last in this camera, and show it. What others did stays.
+
+        What was changed in other cameras at once with it goes along, where nothing was changed since.
+        """
         steps: list[UndoStep] = []
+        along: list[Mapping[Layer, int | None]] = []
 
         def change(store: LabelStore) -> tuple[int, ...]:
+            edit = store.next_step(redo=redo)
+            along.extend(edits for edits in self._together if edit is not None and edits.get(here) == edit)
             steps.append(store.step_back(redo=redo))
             return steps[0].touched_us
 
-        self.write(change, show=True, then=lambda _: self._note_undo(steps[0], redo))
+        here = self.labelling.layer
+        if not self.write(change, show=True, then=lambda _: self._note_undo(steps[0], redo)):
+            return
+        for layer in {layer for edits in self._together if here in edits for layer in edits if layer != here}:
+
+            def change_along(store: LabelStore, layer: Layer = layer) -> tuple[int, ...]:
+                edit = store.next_step(redo=redo)  # after `change`: they are written in turn
+                is_same_act = any(edit is not None and edits.get(layer) == edit for edits in along)
+                return store.step_back(redo=redo).touched_us if is_same_act else ()
+
+            self._save(layer, change_along, True, lambda saved: None)
 
     def change_label(self, make: Callable[[Label | None], Label | None]) -> bool:
         """Replace the label at the cursor by what is made of it (None: impossible), after all earlier changes.
@@ -425,6 +449,18 @@ class LabelEditor:
         if show and len(saved.touched_us) and layer.camera == now.view.camera:
             nearest_us = min(saved.touched_us, key=lambda t_us: abs(t_us - now.t_us))
             self.go_to(self._made_at.get((layer, frozenset(saved.touched_us)), nearest_us))
+
+
+def _noting_edit(change: Change, layer: Layer, edits: dict[Layer, int | None]) -> Change:
+    """The change, which also notes the number of its edit."""
+
+    def noting(store: LabelStore) -> tuple[int, ...]:
+        touched_us = change(store)
+        if touched_us:
+            edits[layer] = store.next_step()
+        return touched_us
+
+    return noting
 
 
 def events_near(source: LabelSource, t_us: int) -> Events:

@@ -424,13 +424,17 @@ class LabelMode:
         self._panel.show_proposals(proposals, suggestions.share is not None)
         label = None if now.view.repeat else now.here.labels.get(now.t_us)
         reason = suggestions.reason_for(label)
-        known = (now.t_us, now.view, now.step_us, now.works, reason, now.asking)
+        saved = now.saved.get(now.view.camera)
+        known = (now.t_us, now.view, now.step_us, now.works, reason, now.asking, saved)
         if known == self._status:
             return
         self._status = known
         with self._host.client.atomic():
             self._panel.show_view(now.view, now.step_us)
             self._panel.show_label(label, now.asking)
+            known_of = None if now.view.repeat else saved  # what a second look wrote is in a layer of its own
+            can_undo, can_redo = (True, True) if known_of is None else (known_of.can_undo, known_of.can_redo)
+            self._panel.show_undo(can_undo=can_undo, can_redo=can_redo)
             self._panel.show_progress("" if live else progress_html(self._checked(editor)))
             draft = draft_at(now, now.t_us)
             self._panel.show_here(here_html(label, draft, self._agreement(now), reason, now))

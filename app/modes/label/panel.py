@@ -127,14 +127,19 @@ class LabelPanel:
             self._centre = gui.add_vector2("Centre [px]", (0.0, 0.0), step=0.01, hint="Y G H B nudge it by 0.25 px")
             self._radius = gui.add_number("Radius [px]", 0.0, min=0.0, step=0.05, hint="0: not known")
             self._state = Choice(gui, "State", tuple(STATE_NAMES.values()), self._choose_state)
-            row = gui.add_button_group("Change", ("Undo", "Redo", "Copy previous", "Clear"))
+            row = gui.add_button_group("Change", ("Copy previous", "Clear"))
+            # Buttons of their own: viser's rows of buttons are grey only as a whole.
+            self._undo = gui.add_button("Undo (Z)", icon=viser.Icon.ARROW_BACK_UP, disabled=True)
+            self._redo = gui.add_button("Redo (Shift Z)", icon=viser.Icon.ARROW_FORWARD_UP, disabled=True)
         for handle in (self._centre, self._radius):
             when_changed(handle, lambda _: self._send_numbers())
 
         @row.on_click
         async def _(event: viser.GuiEvent) -> None:
-            names = {"Undo": "undo", "Redo": "redo", "Copy previous": "copy", "Clear": "clear"}
-            actions.act(names[str(event.target.value)])
+            actions.act({"Copy previous": "copy", "Clear": "clear"}[str(event.target.value)])
+
+        when_clicked(self._undo, lambda: actions.act("undo"))
+        when_clicked(self._redo, lambda: actions.act("redo"))
 
     def _add_assistance(self, gui: viser.GuiApi) -> None:
         actions = self._actions
@@ -203,6 +208,10 @@ class LabelPanel:
             self._centre.value = (round(label.x_px, 3), round(label.y_px, 3))
             self._radius.value = round(label.r_px or 0.0, 3)
         self._state.show("" if label is None else label.state.replace("_", " "))
+
+    def show_undo(self, *, can_undo: bool, can_redo: bool) -> None:
+        """Whether there is something to take back, or to bring back."""
+        self._undo.disabled, self._redo.disabled = not can_undo, not can_redo
 
     def show_save(self, text: str) -> None:
         """Whether everything is on the disk."""

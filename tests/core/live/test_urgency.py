@@ -35,6 +35,27 @@ def test_a_priority_is_that_of_the_thread_alone_and_a_refusal_is_no_error() -> N
     assert niceness == (NICENESS if allowed else mine) and os.getpriority(os.PRIO_PROCESS, 0) == mine
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="threads have priorities of their own on Linux only")
+def test_what_an_urgent_thread_starts_is_not_urgent() -> None:
+    mine = os.getpriority(os.PRIO_PROCESS, 0)
+    own = "import os; print(os.getpriority(os.PRIO_PROCESS, 0))"
+    found: list[int] = []
+
+    def work() -> None:
+        allowed = go_first()
+        thread = threading.Thread(target=lambda: found.append(os.getpriority(os.PRIO_PROCESS, 0)))
+        thread.start()
+        thread.join()
+        said = subprocess.run([sys.executable, "-c", own], capture_output=True, text=True, check=True)
+        found.extend([int(said.stdout), 0 if allowed else mine])
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    of_thread, of_process, normal = found
+    assert of_thread == of_process == normal
+
+
 def test_elsewhere_nothing_is_asked_of_the_system() -> None:
     code = "import sys; sys.platform = 'darwin'; from core.live.urgency import go_first; print(go_first())"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -1,10 +1,6 @@
 """A browser's labelling without a browser: everything that a key does, written to the disk and read again."""
 
-import queue
-import re
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -13,115 +9,16 @@ import pytest
 
 from app.cli.main import main
 from app.modes.label.contacts import ContactSearch
-from app.modes.label.editor import LabelCallbacks, LabelEditor
 from app.modes.label.keys import ACTS
-from app.modes.label.label_picture import LineMark, PointMark
-from app.modes.label.labelling import Labelling, LabelView, begin_labelling
-from app.modes.label.plan import LabelScene, PicturePlan, centre_at, plan_at
-from app.modes.label.sightings import FROM_OTHERS, agreement_at, draft_at
-from app.modes.label.status import agreement_words
-from app.modes.label.suggestions import LabelSuggestions, add_proposals
-from app.modes.services import LABEL_TOOL
+from app.modes.label.sightings import agreement_at
 from app.pictures.palette import PaletteIndex
-from core.detection import refined_config
-from core.detection.saved import SavedDetector
 from core.events import Events, SensorSize
-from core.recordings import RecordingWriter, open_recording
-from labels.assist import Proposals
+from core.recordings import RecordingWriter
 from labels.formats.exchange import picture_name
 from labels.model import LabelState, PositionSource
 from labels.store import LabelStore, Layer, find_layers
 from labels.store_registry import LabelStoreRegistry
-from tests.waiting import eventually
-
-BALL_US = 300_000
-DETECTOR = SavedDetector("refined", refined_config())
-
-
-class Bench:
-    """An editor with a loop of its own."""
-
-    def __init__(
-        self,
-        folder: Path,
-        recording: Path,
-        cameras: tuple[str, ...] = ("left", "right"),
-        *,
-        session: str = "browser",
-        registry: LabelStoreRegistry | None = None,
-    ) -> None:
-        from concurrent.futures import ThreadPoolExecutor
-
-        self.folder, self.errors, self.notes = folder, [], []
-        self._inbox: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
-        self.recording = open_recording(recording)
-        callbacks = LabelCallbacks(
-            lambda act: True, self._inbox.put, self.errors.append, self.notes.append, lambda t_us: None
-        )
-        stores = registry or LabelStoreRegistry(folder, tool=LABEL_TOOL)
-        view = LabelView(camera="left", annotator="anna")
-        labelling = begin_labelling(self.recording, view, 2000, time.monotonic())
-        self.editor = LabelEditor(stores, labelling, callbacks, session)
-        self.pool = ThreadPoolExecutor(1)
-        self.suggestions = LabelSuggestions(self.editor, self.pool)
-        self.wait(lambda: set(cameras) <= set(self.work.saved))
-
-    @property
-    def work(self) -> Labelling:
-        return self.editor.labelling
-
-    def close(self) -> None:
-        self.suggestions.close()
-        self.editor.close()
-        self.pool.shutdown()
-        self.recording.close()
-
-    def wait(self, condition: Callable[[], object] | None = None) -> None:
-        """Run the loop until the condition holds, or until nothing is waiting."""
-
-        def turn() -> bool:
-            while not self._inbox.empty():
-                self._inbox.get()()
-            return bool((condition or (lambda: not self.editor.writer.waiting))()) and self._inbox.empty()
-
-        eventually(turn, "what the annotator is to see", lambda: (self.notes, self.errors))
-
-    def scene(self) -> LabelScene:
-        return LabelScene(self.work)
-
-    def look(self, t_us: int | None = None) -> PicturePlan:
-        """As if the picture at the cursor had been shown."""
-        if t_us is not None:
-            self.editor.go_to(t_us)
-        scene = self.scene()
-        plan = plan_at(scene, self.work.t_us, centre_at(scene, self.work.t_us, None))
-        self.editor.show(plan)
-        return plan
-
-    def press(self, *names: str) -> None:
-        for name in names:
-            self.look()
-            self.editor.do(ACTS[name])
-        self.wait()
-
-    def truth(self, t_us: int, camera: str = "left") -> tuple[float, float]:
-        truth = self.recording.cameras[camera].truth
-        assert truth is not None
-        here = truth.at(t_us)
-        return float(here.u_px[0]), float(here.v_px[0])
-
-    def click_truth(self, t_us: int, off_px: float = 1.0) -> None:
-        self.look(t_us)
-        x, y = self.truth(t_us, self.work.view.camera)
-        self.editor.place_ball(x + off_px, y)
-        self.wait()
-
-
-@pytest.fixture
-def bench(tmp_path: Path, serve_recording: Path) -> Iterator[Bench]:
-    bench = Bench(tmp_path / "labels", serve_recording)
-    yield bench
-    bench.close()
+from tests.app.modes.label.label_bench import BALL_US, DETECTOR, Bench
 
 
 def test_looking_leaves_no_trace(bench: Bench) -> None:
@@ -279,135 +176,6 @@ def test_undo_goes_back_to_nothing_and_redo_forth_again(bench: Bench) -> None:
     assert dict(bench.work.here.labels) == labels
 
 
-def test_what_is_not_on_the_screen_is_not_accepted(bench: Bench) -> None:
-    propose(bench, BALL_US)
-    bench.look(BALL_US)
-    bench.editor.do(ACTS["accept"])
-    bench.editor.do(ACTS["accept"])  # the cursor is further, the picture is not
-    bench.wait()
-    assert sorted(bench.work.here.labels) == [BALL_US]
-
-
-@pytest.mark.parametrize("key", ["accept", "reject"])
-def test_a_proposal_outside_the_zoomed_picture_is_shown_before_it_is_judged(bench: Bench, key: str) -> None:
-    propose(bench, BALL_US)
-    bench.editor.change_view({"zoom": 10.0})
-    bench.editor.go_to(BALL_US)
-    draft = draft_at(bench.work, BALL_US)
-    assert draft is not None
-    away = plan_at(bench.scene(), BALL_US, (draft.x_px + 200.0, draft.y_px))  # it came after this was drawn
-    bench.editor.show(away)
-    for _ in range(2):  # a key that is held
-        bench.editor.do(ACTS[key])
-    bench.wait()
-    assert not bench.work.here.labels and draft_at(bench.work, BALL_US) == draft and bench.work.t_us == BALL_US
-    assert [note.title for note in bench.notes] == ["Not judged yet"]
-    bench.editor.show(plan_at(bench.scene(), BALL_US, centre_at(bench.scene(), BALL_US, None)))
-    bench.editor.do(ACTS[key])
-    bench.wait()
-    assert (BALL_US in bench.work.here.labels) == (key == "accept") and bench.work.here.draft(BALL_US) != draft
-
-
-def test_a_rejected_proposal_is_gone_and_the_time_stays_unchecked(bench: Bench) -> None:
-    propose(bench, BALL_US)
-    assert bench.work.here.draft(BALL_US) is not None
-    bench.look(BALL_US)
-    bench.press("reject")
-    assert bench.work.here.draft(BALL_US) is None and not bench.work.here.labels
-    stored = LabelStore.read(bench.folder, Layer(bench.recording.uuid, "left", "anna"))
-    assert bench.work.here.proposals is not None
-    assert stored.rejected() == {(BALL_US, bench.work.here.proposals.detector)} == bench.work.saved["left"].rejected
-
-
-def test_proposals_of_both_cameras_come_together(bench: Bench) -> None:
-    bench.editor.go_to(BALL_US)
-    bench.suggestions.toggle_propose(DETECTOR)
-    bench.wait(lambda: any(work.proposals is not None for work in bench.work.works.values()))
-    assert all(work.proposals is not None for work in bench.work.works.values())
-
-
-def test_a_segment_without_proposals_says_so(bench: Bench) -> None:
-    bench.look(BALL_US)
-    bench.editor.do(ACTS["accept_segment"])
-    assert [note.title for note in bench.notes] == ["No proposals here"]
-
-
-def test_a_segment_is_accepted_as_one_step(bench: Bench) -> None:
-    propose(bench, BALL_US)
-    bench.look(BALL_US)
-    bench.editor.do(ACTS["accept_segment"])
-    bench.wait()
-    labels = bench.work.here.labels
-    assert len(labels) > 20 and {label.provenance.source for label in labels.values()} == {PositionSource.ACCEPTED}
-    truth = {t_us: bench.truth(t_us) for t_us in labels}
-    assert max(abs((label.x_px or 0) - truth[t][0]) for t, label in labels.items()) < 2.0
-    assert [(one.title, one.text.split()[0]) for one in bench.notes] == [("Segment accepted", str(len(labels)))]
-    bench.look(BALL_US)
-    bench.editor.do(ACTS["accept_segment"])
-    bench.wait()
-    assert bench.notes[-1].title == "Nothing to accept" and bench.work.here.labels == labels
-    bench.press("undo")
-    assert not bench.work.here.labels
-
-
-def test_the_queue_of_a_camera_without_labels_and_proposals_finds_nothing_right(bench: Bench) -> None:
-    bench.suggestions.next_suspicious()
-    bench.wait(lambda: bench.notes)
-    assert [(note.title, note.colour) for note in bench.notes] == [("Nothing to check", "yellow")]
-
-
-@pytest.mark.gate
-def test_a_whole_flight_is_accepted_in_both_cameras_and_leads_to_what_is_doubted(bench: Bench) -> None:
-    propose(bench, BALL_US)
-    bench.wait(lambda: bench.suggestions.share is None)  # it would put its own proposal over the wrong one
-    proposals = bench.work.here.proposals
-    assert proposals is not None
-    wrong = np.flatnonzero((proposals.t_us > BALL_US + 20_000) & (proposals.t_us % 2000 == 0))[0]
-    wrong_us = int(proposals.t_us[wrong])
-    x_px = proposals.x_px.copy()
-    x_px[wrong] += 9.0
-    add_proposals(bench.editor, {"left": replace(proposals, x_px=x_px)})
-    bench.look(BALL_US)
-    bench.suggestions.take_flight()
-    bench.wait(lambda: bench.notes)
-    bench.wait()
-    assert bench.notes[-1].title == "Flight accepted"
-    for camera in ("left", "right"):
-        labels = bench.work.works[camera].labels
-        assert len(labels) > 40, camera
-        errors = [
-            np.hypot((label.x_px or 0) - u, (label.y_px or 0) - v)
-            for t_us, label in labels.items()
-            for u, v in [bench.truth(t_us, camera)]
-        ]
-        assert np.nanpercentile(errors, 95) < 1.0
-        assert LabelStore.read(bench.folder, Layer(bench.recording.uuid, camera, "anna")).all() != ()
-    assert wrong_us not in bench.work.here.labels
-    assert bench.work.t_us == wrong_us and re.match(r"(8|9)\.\d px off the flight", bench.suggestions.reason)
-    bench.press("undo")
-    assert not bench.work.here.labels and bench.work.works["right"].labels
-
-
-def test_a_flight_that_is_none_says_so_and_labels_nothing(bench: Bench) -> None:
-    bench.look(BALL_US)
-    bench.suggestions.take_flight()
-    bench.wait(lambda: bench.notes)
-    assert [note.title for note in bench.notes] == ["No proposals here"]
-    propose(bench, BALL_US)
-    bench.wait(lambda: bench.suggestions.share is None)
-    still = {
-        name: replace(work.proposals, x_px=np.full(len(work.proposals), 100.0), y_px=np.full(len(work.proposals), 90.0))
-        for name, work in bench.work.works.items()
-        if work.proposals is not None
-    }
-    add_proposals(bench.editor, still)
-    bench.look(BALL_US)
-    bench.suggestions.take_flight()
-    bench.wait(lambda: len(bench.notes) == 2)
-    assert bench.notes[-1].title == "No flight here"
-    assert not any(work.labels for work in bench.work.works.values())
-
-
 def test_labels_between_keyframes_are_interpolated_in_space_where_both_cameras_are_labelled(bench: Bench) -> None:
     times = range(BALL_US, BALL_US + 81_000, 10_000)
     for camera in ("right", "left"):
@@ -479,15 +247,6 @@ def test_a_short_recording_is_gone_through_in_steps_that_tell_how_far_it_is(benc
     assert len(shares) >= 6 and shares == sorted(shares) and shares[-1] == 1.0
 
 
-def propose(bench: Bench, t_us: int) -> None:
-    """Until the detector has been through 100 ms from there."""
-    bench.editor.go_to(t_us)
-    bench.suggestions.toggle_propose(DETECTOR)
-    bench.wait(lambda: bench.suggestions.share is None or bench.suggestions.share > 0.3)
-    if bench.suggestions.share is not None:
-        bench.suggestions.toggle_propose(DETECTOR)
-
-
 def test_frames_are_labelled_at_their_own_times_and_exposures_and_exported(tmp_path: Path) -> None:
     file = tmp_path / "both.h5"
     sensor = SensorSize(64, 48)
@@ -515,130 +274,3 @@ def test_frames_are_labelled_at_their_own_times_and_exposures_and_exported(tmp_p
     assert main([*arguments, "--data", str(tmp_path / "data"), "--out", str(out)]) == 0
     picture = cv2.imread(str(out / f"{picture_name('rgb', 19_000)}.png"))
     assert picture is not None and picture[20, 30].tolist() == [0, 0, 255]
-
-
-FOUR = ("near_left", "near_right", "far_left", "far_right")
-
-
-@pytest.fixture
-def four(tmp_path: Path, four_recording: Path) -> Iterator[Bench]:
-    bench = Bench(tmp_path / "labels", four_recording, FOUR)
-    yield bench
-    bench.close()
-
-
-def labelled_in(bench: Bench, t_us: int) -> set[str]:
-    return {name for name, work in bench.work.works.items() if t_us in work.labels}
-
-
-def test_labels_in_two_cameras_propose_the_ball_in_the_others_and_one_key_accepts_it_there(four: Bench) -> None:
-    for camera in FOUR[:2]:
-        assert all(draft_at(four.work, BALL_US, name) is None for name in FOUR)
-        four.editor.change_view({"camera": camera})
-        four.click_truth(BALL_US)
-    for name in FOUR[2:]:
-        draft = draft_at(four.work, BALL_US, name)
-        assert draft is not None and draft.detector == FROM_OTHERS and draft.covariance_px2 is not None
-        assert np.hypot(*np.subtract((draft.x_px, draft.y_px), four.truth(BALL_US, name))) < 1.0
-    four.press("accept_all")
-    assert labelled_in(four, BALL_US) == set(FOUR) and four.work.t_us == BALL_US + 2000
-    for name in FOUR:
-        label = LabelStore.read(four.folder, Layer(four.recording.uuid, name, "anna")).at(BALL_US)
-        assert label is not None and label.x_px is not None and label.y_px is not None
-        assert np.hypot(*np.subtract((label.x_px, label.y_px), four.truth(BALL_US, name))) < 0.5
-        made = label.provenance
-        expected = (PositionSource.SNAPPED, "") if name in FOUR[:2] else (PositionSource.ACCEPTED, FROM_OTHERS)
-        assert (made.source, made.detector) == expected
-    four.editor.go_to(BALL_US)
-    four.press("undo")
-    assert labelled_in(four, BALL_US) == set(FOUR) - {four.work.view.camera}, "undo is of this camera"
-
-
-@pytest.mark.gate
-def test_what_follows_from_the_labels_is_shown_before_it_is_accepted_and_can_be_rejected(four: Bench) -> None:
-    propose(four, BALL_US)
-    four.wait(lambda: four.suggestions.share is None)
-    blind = four.work.works["far_right"]
-    assert blind.proposals is not None
-    add = replace(four.work, works={**four.work.works, "far_right": replace(blind, proposals=None)})
-    four.editor.labelling = add
-    four.press("accept_all")
-    assert labelled_in(four, BALL_US) == set(FOUR[:3]) and four.work.t_us == BALL_US, "something new is proposed"
-    four.editor.change_view({"camera": "far_right"})
-    four.press("reject")
-    assert draft_at(four.work, BALL_US) is None
-    four.press("accept_all")
-    assert labelled_in(four, BALL_US) == set(FOUR[:3]) and four.work.t_us == BALL_US + 2000
-
-
-def test_all_other_cameras_rays_and_their_ball_with_its_ellipse_are_drawn(four: Bench) -> None:
-    def drawn(key) -> tuple[int, list[PointMark]]:
-        rays = [mark for mark in key.marks if isinstance(mark, LineMark)]
-        return len(rays), [mark for mark in key.marks if isinstance(mark, PointMark)]
-
-    counts = []
-    for camera in FOUR[:3]:
-        four.editor.change_view({"camera": camera})
-        four.click_truth(BALL_US, off_px=0.0)
-        four.editor.change_view({"camera": "near_left"})
-        plan = four.look(BALL_US)
-        assert [key.camera for key in plan.others] == list(FOUR[1:])
-        counts.append((drawn(plan.main)[0], drawn(plan.others[2])[0]))
-    assert counts == [(0, 1), (1, 1), (2, 1)]
-    (point,) = drawn(plan.main)[1]
-    assert (point.x_px, point.y_px) == pytest.approx(four.truth(BALL_US, "near_left"), abs=1.0)
-    assert point.covariance_px2[0] > 0
-    four.editor.change_view({"epipolar": False})
-    assert drawn(four.look(BALL_US).main) == (0, [])
-
-
-def test_the_residual_of_each_camera_tells_which_one_has_something_else(four: Bench) -> None:
-    for camera in FOUR:
-        four.editor.change_view({"camera": camera})
-        four.click_truth(BALL_US)
-    four.look(BALL_US)
-    good = agreement_at(four.work, BALL_US)
-    assert good is not None and set(good.off_px) == set(FOUR) and max(good.off_px.values()) < 0.6
-    four.press(*["down_more"] * 12)
-    bad = agreement_at(four.work, BALL_US)
-    assert bad is not None and bad.left_out == {"far_right"} and 11 < bad.off_px["far_right"] < 13
-    assert bad.residual_px < 0.6 and agreement_words(bad) == "3 of 4 cameras agree to"
-    assert agreement_words(replace(bad, residual_px=8.41, off_px={})) == "cameras disagree by"
-    four.suggestions.next_suspicious()
-    four.wait(lambda: four.suggestions.reason)
-    assert "the cameras disagree" in four.suggestions.reason
-
-
-def test_a_label_that_only_a_proposal_of_the_other_camera_contradicts_comes_first_in_the_queue(bench: Bench) -> None:
-    bench.click_truth(BALL_US)
-    bench.press(*["down_more"] * 14)
-    x, y = bench.truth(BALL_US, "right")
-    one = Proposals(
-        np.array([BALL_US]), np.array([x]), np.array([y]), np.array([9.0]), np.array([[0.01, 0.0, 0.01]]), 2000, "d"
-    )
-    add_proposals(bench.editor, {"right": one})
-    agreement = agreement_at(bench.work, BALL_US)
-    assert agreement is not None and agreement_words(agreement) == "cameras disagree by"
-    bench.suggestions.next_suspicious()
-    bench.wait(lambda: bench.suggestions.reason)
-    assert bench.suggestions.reason == f"the cameras disagree by {agreement.residual_px:.1f} px"
-    assert bench.work.t_us == BALL_US
-
-
-def test_a_whole_flight_is_accepted_in_four_cameras_though_one_sees_a_person(four: Bench) -> None:
-    propose(four, BALL_US)
-    four.wait(lambda: four.suggestions.share is None)
-    part = four.work.works["far_left"].proposals
-    assert part is not None
-    add_proposals(four.editor, {"far_left": replace(part, x_px=100.0 + 0.0 * part.x_px, y_px=90.0 + 0.0 * part.y_px)})
-    four.look(BALL_US)
-    four.suggestions.take_flight()
-    four.wait(lambda: four.notes)
-    four.wait()
-    assert four.notes[-1].title == "Flight accepted" and "4 cameras" in four.notes[-1].text
-    counts = {name: len(work.labels) for name, work in four.work.works.items()}
-    assert counts.pop("far_left") < 3 and min(counts.values()) > 30, counts
-    for name in counts:
-        labels = four.work.works[name].labels
-        errors = [np.hypot(*np.subtract((one.x_px, one.y_px), four.truth(t, name))) for t, one in labels.items()]
-        assert np.nanpercentile(errors, 95) < 1.0

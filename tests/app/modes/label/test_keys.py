@@ -76,6 +76,11 @@ class Hand:
         for name in names:
             self._browser.trigger(f"Label: {texts[name]}", PATIENCE_S)
 
+    def offers(self) -> tuple[bool, bool]:
+        """Whether the buttons of undo and redo can be pressed."""
+        panel = self.mode._panel
+        return not panel._undo.disabled, not panel._redo.disabled
+
     def close(self) -> None:
         self._browser.close()
 
@@ -105,8 +110,14 @@ def test_undo_takes_back_a_segment_that_had_to_wait(hand: Hand) -> None:
     hand.keys("propose", "accept_segment", "undo")
     eventually(lambda: "left" in hand.work.saved and hand.work.saved["left"].can_redo, "undo")
     assert not hand.work.here.labels
+    eventually(lambda: hand.offers() == (False, True), "only redo to be offered", hand.offers)
     hand.keys("redo")
     eventually(lambda: len(hand.work.here.labels) > 10, "labels")
+    eventually(lambda: hand.offers() == (True, False), "only undo to be offered", hand.offers)
+
+
+def test_the_buttons_of_undo_and_redo_are_grey_before_anything_is_labelled(hand: Hand) -> None:
+    eventually(lambda: hand.offers() == (False, False), "neither to be offered", hand.offers)
 
 
 def test_escape_forgets_what_waits(hand: Hand, monkeypatch: pytest.MonkeyPatch) -> None:

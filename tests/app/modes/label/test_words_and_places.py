@@ -13,7 +13,7 @@ from app.modes.label.sightings import agreement_at, draft_at
 from app.modes.label.status import Checked, here_html, save_html, status_words
 from app.modes.label.suggestions import nothing_suspicious_words
 from labels.model import PositionSource
-from tests.app.modes.label.test_editor import BALL_US, Bench, propose
+from tests.app.modes.label.label_bench import BALL_US, Bench, propose
 
 
 @pytest.fixture
