@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,8 @@ from app.cli.progress import progress_bar
 from app.cli.terminal import format_table, say
 from core.chain.config import HIT_RULES, HitRule
 from core.errors import CommandError
+from core.extras import require_package
+from core.learning.config import SimulatorName
 from core.learning.evaluation.reachable import reachable_words
 from core.learning.runs.run_files import read_run
 from core.learning.runs.summary import evaluate_run
@@ -100,6 +103,9 @@ class EvaluateArguments:
     best: bool = flag("the best policy of each seed instead of the last")
     balls: PositiveInt | None = flag("fixed balls per speed", "N", "the run's, 500")
     json: bool = flag("print a row per speed as JSON")
+    simulator: SimulatorName | None = flag(
+        "what plays serves and strokes: closed form, or MuJoCo as in the live rally", default="the run's"
+    )
     recorded: BallStatesArguments
 
 
@@ -115,10 +121,19 @@ def run(arguments: EvaluateArguments) -> None:
 
 
 def _evaluate(folder: Path, arguments: EvaluateArguments) -> None:
-    which = "best" if arguments.best else "last"
-    with open_backend(read_run(folder), None) as backend:
+    which, config = "best" if arguments.best else "last", read_run(folder)
+    environment = config.environment
+    if arguments.simulator is not None:
+        environment = dataclasses.replace(environment, engine=arguments.simulator)
+    if environment.engine == "mujoco":
+        require_package("mujoco", "--simulator mujoco")
+    with open_backend(config, None) as backend:
         if backend is None:
-            rows = evaluate_run(folder, balls=arguments.balls, which=which)
+            rows = evaluate_run(folder, balls=arguments.balls, which=which, environment=environment)
+        elif arguments.simulator is not None:
+            raise CommandError(
+                "balls before cameras are played where they are seen", got="--simulator", remedy="leave it out"
+            )
         else:
             with progress_bar("Playing before the cameras") as progress:
                 rows = evaluate_run(folder, balls=arguments.balls, which=which, backend=backend, progress=progress)
@@ -126,7 +141,6 @@ def _evaluate(folder: Path, arguments: EvaluateArguments) -> None:
         say(json.dumps(rows))
         return
     say(format_table([line for row in rows for line in _lines(row)]))
-    config = read_run(folder)
     for words in reachable_words(config.environment, config.curriculum.speeds_mps):
         say(words)
 

@@ -28,6 +28,7 @@ from core.learning.config import (
     RacketSpeedRule,
     ReplayRule,
     RunConfig,
+    SimulatorName,
     StateKind,
     StateSource,
     default_run,
@@ -80,6 +81,9 @@ class NewRunArguments:
     outcomes: OutcomeSource | None = setting_flag(
         EnvironmentConfig, "outcomes", what="source of a stroke's outcome; `events` goes with states from events"
     )
+    simulator: SimulatorName | None = setting_flag(
+        EnvironmentConfig, "engine", what="what plays serves and strokes: closed form, or MuJoCo as in the live rally"
+    )
     physics: Profile | None = flag("how balls fly and bounce", default="paper")
     constants: Path | None = flag(CONSTANTS_HELP, "FILE")
     serves: Literal["standard", "hard"] | None = flag("which serves", default="standard")
@@ -112,6 +116,10 @@ def run(arguments: TrainArguments) -> None:
         config = read_run(folder)
     else:
         config = requested_run(arguments.new)
+    if config.environment.engine == "mujoco":
+        require_package("mujoco", "--simulator mujoco")
+        if arguments.source is not None:
+            raise CommandError("a server plays the strokes itself", got="--source", remedy="leave out --simulator")
     with open_backend(config, arguments.source, arguments.keys) as backend:
         if not arguments.resume:
             create_run(folder, config)
@@ -173,6 +181,7 @@ def requested_run(arguments: NewRunArguments) -> RunConfig:
             state=state,
             recorded=recorded,
             racket=arguments.racket or config.environment.racket,
+            engine=arguments.simulator or config.environment.engine,
         ),
         evaluation_balls=before_cameras if few else config.evaluation_balls,
         landing_model=dataclasses.replace(config.landing_model, **given({"head": arguments.head})),

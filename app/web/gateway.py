@@ -65,6 +65,7 @@ SCRIPTS: Final = (
     "label_files.js",
     "tour.js",
     "names.js",
+    "charts.js",
 )
 """Scripts in the order in which they run; each adds to the object `rallyscope`."""
 

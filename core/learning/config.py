@@ -19,6 +19,7 @@ from core.physics.task import TaskConfig, hard_serves, task_profile
 
 StateSource = Literal["predicted", "truth", "truth+noise", "timed", "events"]
 StateKind = Literal["plain", "spin"]
+SimulatorName = Literal["closed-form", "mujoco"]
 RacketSpeedRule = Literal["table", "chosen"]
 OutcomeSource = Literal["told", "events"]
 CHOSEN_MPS: Final = (0.0, 4.5)
@@ -109,7 +110,7 @@ class EnvironmentConfig:
     """Standard deviation of each angle's actuator error, redrawn per stroke; unknown to the learner."""
     actuator_bias_deg: float = setting(0.0, -5.0, 5.0)
     """Constant error of every angle."""
-    engine: Literal["closed-form", "mujoco"] = "closed-form"
+    engine: SimulatorName = "closed-form"
     """Which simulator plays the strokes; both give the same outcomes."""
     step_s: float = setting(0.01, 0.0005, 0.05)
     """Time step of the simulation (paper: 10 ms in training): the grid of the observations, and MuJoCo's step."""

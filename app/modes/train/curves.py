@@ -21,8 +21,13 @@ WINDOW: Final = 25
 FEWEST: Final = 5
 """but not fewer than this: one lucky ball is no return rate."""
 MAX_POINTS: Final = 1000
+MAX_VALUES: Final = 10_000
+"""Most points of all seeds' lines of a chart: they are sent anew twice a second."""
 MAX_BORDERS: Final = 40
 """Most stages whose beginning is drawn; the last ones are."""
+WIDE_SHARE: Final = 0.12
+NARROW_SHARE: Final = 0.04
+"""Share of a chart's width that a speed needs, with and without its unit."""
 CURVES: Final[tuple[str, ...]] = ("returned", "error_mm", "reward", "noise", "w1", "w2")
 
 
@@ -73,11 +78,12 @@ def rolling_mean(values: Array, window: int) -> Array:
     return np.where(enough, (total[end] - total[start]) / np.maximum(counts, 1), np.nan)
 
 
-def shared_axis(longest: int) -> Array:
-    """Episodes, counted from 1, at which curves are drawn: all, or evenly spaced ones up to the last."""
-    if longest <= MAX_POINTS:
+def shared_axis(longest: int, curves: int = 1) -> Array:
+    """Episodes, counted from 1, at which so many curves are drawn: all, or evenly spaced ones up to the last."""
+    points = min(MAX_POINTS, MAX_VALUES // max(1, curves))
+    if longest <= points:
         return np.arange(1, longest + 1, dtype=np.float64)
-    step = math.ceil(longest / MAX_POINTS)
+    step = math.ceil(longest / points)
     axis = np.arange(longest, 0, -step, dtype=np.float64)[::-1]
     return np.ascontiguousarray(axis)
 
@@ -96,6 +102,24 @@ def on_axis(values: Array, axis: Array) -> Array:
 def stage_borders(speeds_mps: Array) -> Array:
     """Episodes, counted from 1, with which another stage of the curriculum began: (B,), from each ball's speed (N,)."""
     return (np.flatnonzero(np.diff(speeds_mps) != 0).astype(np.float64) + 2.0)[-MAX_BORDERS:]
+
+
+def stages_of(speeds_mps: Array) -> tuple[tuple[float, float], ...]:
+    """Episode with which each stage of the curriculum began, 0 for the first, and its speed, from the balls' (N,)."""
+    if not len(speeds_mps):
+        return ()
+    borders = stage_borders(speeds_mps)
+    return ((0.0, float(speeds_mps[0])), *((float(at), float(speeds_mps[int(at) - 1])) for at in borders))
+
+
+def stage_labels(stages: tuple[tuple[float, float], ...], end: int) -> tuple[str, ...]:
+    """Speed of each stage as text, shorter or none where the stage is a small part of a chart up to the ball `end`."""
+    ends = [*(start for start, _ in stages[1:]), float(end)]
+    shares = [(after - start) / max(end, 1) for (start, _), after in zip(stages, ends, strict=False)]
+    return tuple(
+        f"{speed:g} m/s" if share >= WIDE_SHARE else f"{speed:g}" if share >= NARROW_SHARE else ""
+        for (_, speed), share in zip(stages, shares, strict=True)
+    )
 
 
 def with_borders(axis: Array, borders: Array) -> Array:

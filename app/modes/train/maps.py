@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 import cv2
@@ -136,6 +137,9 @@ class MapView:
     png: bytes | None
     """PNG picture; None: there is none, and the text says why."""
     words: tuple[str, ...]
+    before_png: bytes | None = None
+    """The map of the first policy that the run kept, on the same balls; None: it is the same, or there is none."""
+    before_words: tuple[str, ...] = ()
 
 
 def map_request(run: RunState, details: Details, shown: object) -> MapRequest:
@@ -150,10 +154,13 @@ class MapViewer:
 
     def __init__(self, workspace: Workspace) -> None:
         self._workspace = workspace
+        self._before: tuple[object, PolicyMap] | None = None
+        """The last map of a first policy, and what it is of: it stays the same while a training goes on."""
 
     def __call__(self, request: MapRequest) -> MapView | None:
         """The map; None if it is already shown."""
-        path = seed_files(self._workspace.run_path(request.run), request.seed).policy
+        files = seed_files(self._workspace.run_path(request.run), request.seed)
+        path = files.policy
         try:
             about = path.stat()  # taken before reading, so that a newer file is read again
         except OSError:
@@ -164,9 +171,21 @@ class MapViewer:
             return None
         try:
             found = map_policy(read_policy(path), request.environment, request.speed_mps)
+            kept = files.kept_policies()
+            first = kept[0] if len(kept) > 1 else None
+            before = None if first is None else self._map_before(request, *first)
         except RallyscopeError as error:
             return MapView(key, None, (f"There is no map of this policy: {error}",))
-        return MapView(key, encode_plan(draw_map(found)), map_words(found, request.seed))
+        png, words = encode_plan(draw_map(found)), map_words(found, request.seed)
+        if first is None or before is None:
+            return MapView(key, png, words)
+        return MapView(key, png, words, encode_plan(draw_map(before)), before_words(before, first[0]))
+
+    def _map_before(self, request: MapRequest, episode: int, path: Path) -> PolicyMap:
+        key = (request.run, request.seed, request.speed_mps, path.stat().st_mtime_ns)
+        if self._before is None or self._before[0] != key:
+            self._before = key, map_policy(read_policy(path), request.environment, request.speed_mps)
+        return self._before[1]
 
 
 def map_words(found: PolicyMap, seed: int) -> tuple[str, ...]:
@@ -191,6 +210,14 @@ def map_words(found: PolicyMap, seed: int) -> tuple[str, ...]:
     if found.known_exactly:
         lines.append("The ball's state is known here: cameras are not rendered for a map.")
     return tuple(lines)
+
+
+def before_words(found: PolicyMap, episode: int) -> tuple[str, ...]:
+    """Text lines above the map of the policy after `episode` balls, 0: before the first one."""
+    what = "Before the training" if episode == 0 else f"Before: the first policy that was kept, after {episode} balls"
+    everywhere = np.ones_like(found.inside)
+    which = found.inside if found.inside.any() and not found.trained.is_one else everywhere
+    return (f"{what}. On the same balls{'' if which.all() else ', inside the box'}: {_result(found, which)}.",)
 
 
 def _rest(found: PolicyMap) -> str:

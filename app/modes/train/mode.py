@@ -11,6 +11,7 @@ from app.modes.train.form import PACES, PRESETS, THE_CURRICULUM, TRAIN_NOW, Form
 from app.modes.train.maps import MapRequest, MapView, MapViewer, map_request
 from app.modes.train.run_panel import LAST_ONES, NEWEST, NOBODY, FilmPanel, RunPanel, confirm_stop
 from app.modes.train.side_panel import SidePanel
+from app.modes.train.status import learned_text
 from app.modes.train.training_scene import TrainingScene
 from app.modes.train.view import Details, RunsView, RunsViewer, ViewRequest
 from app.shared.job_backends import THIS_MACHINE
@@ -48,7 +49,7 @@ class TrainMode:
         self._details: Details | None = None
         self._phases: dict[str, RunPhase] = {}
         self._asked_s = float("-inf")
-        self._waiting = False
+        self._waiting = self._active = False
         self._pace = next(iter(PACES))
         gui = host.client.gui
         self._folder = gui.add_folder(None, visible=False)
@@ -87,6 +88,7 @@ class TrainMode:
 
     def show(self, active: bool) -> None:
         """Show the controls or hide them."""
+        self._active = active
         self._folder.visible = active
         self._side.set_visible(active)
         self._asked_s = float("-inf")
@@ -124,6 +126,8 @@ class TrainMode:
 
     def _show(self, request: ViewRequest, view: RunsView) -> None:
         self._waiting = False
+        if not self._active:
+            return  # it is asked for again: a chart that is made while it is hidden has neither axes nor grid
         if request.run != self._chosen or request.compared != self._compared:
             self._asked_s = float("-inf")
             return
@@ -166,7 +170,9 @@ class TrainMode:
             if run.phase == "failed":
                 self._host.note(f"Training {run.name} failed", f"{run.message}; its log is on the left", "red")
             elif run.phase in ("finished", "stopped"):
-                self._host.note(f"Training {run.name} {run.phase}", "It was saved with its policies.", "green")
+                learned = learned_text(run.config, view.results.get(run.name, {}))
+                text = f"It {learned}." if learned else "It was saved with its policies."
+                self._host.note(f"Training {run.name} {run.phase}", text, "green")
 
     def _failed(self, error: Exception) -> None:
         self._host.later(lambda: self._fail(error))
@@ -231,12 +237,15 @@ class TrainMode:
             self._asked_s = float("-inf")
 
     def let_play(self) -> None:
-        """Let the policy of the run that is shown play the live rally."""
+        """Let the policy of the run that is shown play the live rally; without one, the training's serves."""
         self._host.later(self._let_play)
 
     def _let_play(self) -> None:
         host, live = self._host, self._host.services.rallies.live
-        if live is None or not live.has_robot or self._view is None or self._view.run is None:
+        if self._view is None or self._view.run is None:
+            return
+        if live is None or not live.has_robot:
+            self._scene.let_policy_play()
             return
         name = self._view.run.name
 

@@ -23,8 +23,8 @@ NEWEST: Final = "the newest"
 LAST_ONES: Final = "the last three"
 NOBODY: Final = "nothing"
 NO_RALLY_HTML: Final = (
-    f"<div style='font-size:12.5px;padding:4px 12px;color:{theme.MUTED}'>Its policy could play a live rally, but "
-    "there is none with a robot here: start Rallyscope without a recording, or with <code>--source tcp://...</code>.</div>"
+    f"<div style='font-size:12.5px;padding:4px 12px;color:{theme.MUTED}'>It plays the training's serves: there is no "
+    "live rally with a robot here. Start Rallyscope without a recording, or with <code>--source tcp://...</code>.</div>"
 )
 
 
@@ -70,7 +70,7 @@ class RunPanel:
             icon=viser.Icon.PING_PONG,
             color="green",
             visible=False,
-            hint="Its policy plays the live rally from now on; opens Watch",
+            hint="Its policy plays the live rally, in Watch; where there is none, the training's serves in the 3D view",
         )
         self._why_not = gui.add_html(NO_RALLY_HTML, visible=False)
         self._pace = Listing(gui, "Pace", actions.set_pace, hint="Limit the training's speed to watch it")
@@ -103,7 +103,7 @@ class RunPanel:
         self._go_on.visible = active is not None and active.phase == "paused"
         self._stop.visible = active is not None and active.phase not in ("stopping", "ending")
         self._resume.visible = active is None and run is not None and run.resumable
-        self._play.visible = view.playable and has_rally
+        self._play.visible = view.playable
         self._why_not.visible = view.playable and not has_rally
         self._progress.visible = active is not None
         if active is not None:

@@ -11,7 +11,7 @@ from viser import uplot
 
 from app import theme
 from app.formatting import html_text
-from app.modes.train.curves import WINDOW, SeedResults, border_lines, seed_results_html
+from app.modes.train.curves import WINDOW, SeedResults, border_lines, seed_results_html, stage_labels
 from app.modes.train.maps import MapView
 from app.modes.train.status import case_counts_html, kept_html, log_html, map_html, offsets_title_html, runs_html
 from app.modes.train.view import COMPARED, ChartData, Details, RunsView
@@ -20,11 +20,13 @@ from app.views.image_view import set_png
 from app.widgets import decades, log_scale
 
 Array = NDArray[np.float64]
-CHART_HEIGHT_PX: Final = 102
+CHART_HEIGHT_PX: Final = 110
+STAGES_PX: Final = 13
+"""Height of the line of speeds above a chart."""
 OURS: Final = "#ff8c28"
 EVALUATED: Final = "#ffffff"
 MEAN: Final = "#ffd0a0"
-SEED: Final = "#a8693a"
+SEED: Final = "#d98f4e"
 BAND: Final = "rgba(255,208,160,0.22)"
 BAND_EDGE: Final = "rgba(255,208,160,0.35)"
 OTHERS: Final = ("#5aa9ff", "#b98cff", "#4fd1c5")
@@ -39,6 +41,8 @@ LEAST_ERROR_MM: Final = 10.0
 """Lower end of the error's scale, which is logarithmic: what is learned last is a factor, not a distance."""
 WEIGHTS: Final = "weights"
 BORDER: Final = "#8b8f98"
+OUT_OF_FOCUS: Final = 0.55
+"""Opacity of the other lines while the mouse is at one."""
 BORDER_SPANS: Final = {
     "returned": (0.0, 104.0),
     "error_mm": (LEAST_ERROR_MM, ERROR_TOPS_MM[-1]),
@@ -62,11 +66,12 @@ class ChartsPanel:
         self._gui = gui
         self._legend = gui.add_html(_title("Curves come with the first balls of a training."))
         self._place = gui.add_folder(None, visible=False)
+        self._kept = gui.add_html("")
         self._results = gui.add_html("")
         self._titles: list[viser.GuiHtmlHandle] = []
         self._charts: dict[str, viser.GuiUplotHandle] = {}
-        self._seeds = 0
-        """Number of single seeds' curves in the charts."""
+        self._seeds: tuple[int, ...] = ()
+        """Seeds that have a line in the charts beside the newest."""
 
     def show(
         self,
@@ -76,25 +81,27 @@ class ChartsPanel:
         *,
         several_seeds: bool,
         results: SeedResults | None = None,
+        kept: str = "",
     ) -> None:
-        """Draw new curves; `results` of the seeds if there are several."""
+        """Draw new curves; `results` of the seeds if there are several, and as HTML what each stage kept."""
+        self._kept.content = kept
         self._legend.content = curve_legend_html(run, compared, several_seeds=several_seeds)
         self._results.content = seed_results_html(results)
         columns = chart_columns(data)
-        if len(data.seeds) != self._seeds and self._charts:  # a chart has a fixed number of curves
+        if tuple(data.seeds) != self._seeds and self._charts:  # a chart has fixed curves
             for part in (*self._titles, *self._charts.values()):
                 part.remove()
             self._titles, self._charts = [], {}
-        self._seeds = len(data.seeds)
+        self._seeds = tuple(data.seeds)
         if not self._charts:
             self._add_charts(data, columns)
             return
         for name, chart in self._charts.items():
             chart.data = (data.axis, *columns[name])
             y_range = _range_of(name, columns[name])
-            scales = _scales(data.end, name, y_range)
-            if scales != chart.scales:
-                chart.scales, chart.axes = scales, _axes(name, y_range)
+            scales, axes = _scales(data.end, name, y_range), _axes(name, y_range, data)
+            if (scales, axes) != (chart.scales, chart.axes):
+                chart.scales, chart.axes = scales, axes
 
     def _add_charts(self, data: ChartData, columns: dict[str, list[Array]]) -> None:
         self._place.visible = True
@@ -115,7 +122,7 @@ def chart_columns(data: ChartData) -> dict[str, list[Array]]:
             data.seeds_low[name],
             border_lines(data.axis, data.borders, *BORDER_SPANS[name]),
             *(other[name] for other in data.compared),
-            *(seed[name] for seed in data.seeds),
+            *(seed[name] for seed in data.seeds.values()),
             data.seeds_mean[name],
             data.run[name],
             data.evaluated.get(name, nothing),
@@ -130,7 +137,7 @@ def curve_legend_html(run: str, compared: tuple[str, ...], *, several_seeds: boo
     """HTML legend of the runs' colours."""
     entries = [(OURS, run), (EVALUATED, "fixed balls")]
     if several_seeds:
-        entries += [(SEED, "its other seeds"), (MEAN, "mean of its seeds, 95 % interval (t)")]
+        entries += [(MEAN, "mean of its seeds, 95 % interval (t)"), (SEED, "every seed: mouse over a chart")]
     entries += list(zip(OTHERS, compared, strict=False))
     entries.append((BORDER, "a stage begins"))
     shown = " &nbsp; ".join(
@@ -170,20 +177,26 @@ def _add_chart(
         (data.axis, *curves),
         series,
         scales=_scales(data.end, name, y_range),
-        axes=_axes(name, y_range),
+        axes=_axes(name, y_range, data),
+        focus={"alpha": OUT_OF_FOCUS},
+        cursor={"points": {"show": False}},  # one of a curve without a value would lie at the chart's corner
         bands=({"series": (1, 2), "fill": BAND},) if name != WEIGHTS else None,
         legend=uplot.Legend(show=False),
         height=CHART_HEIGHT_PX,
-        padding=(6, 14, 0, 2),
+        padding=(2, 14, 0, 2),
     )
 
 
-def _axes(name: str, y_range: tuple[float, float]) -> tuple[uplot.Axis, ...]:
-    """Axes of a chart; the logarithmic one has a line at each power of ten within its scale."""
+def _axes(name: str, y_range: tuple[float, float], data: ChartData) -> tuple[uplot.Axis, ...]:
+    """Axes of a chart: the logarithmic one has a line at each power of ten in its scale; above, the stages' speeds."""
     y = _axis(size=38)
     if name == "error_mm":
         y["splits"] = decades(*y_range)
-    return _axis(size=22), y
+    stages = _axis(size=STAGES_PX)
+    stages |= {"scale": "x", "side": 0, "align": 1, "gap": 1, "grid": {"show": False}, "ticks": {"show": False}}
+    stages["splits"] = tuple(start for start, _ in data.stages)
+    stages["values"] = stage_labels(data.stages, data.end)
+    return _axis(size=22), y, stages
 
 
 def _axis(size: int) -> uplot.Axis:
@@ -199,7 +212,8 @@ def _axis(size: int) -> uplot.Axis:
 _BORDER_SERIES: Final = uplot.Series(label="stage", stroke=BORDER, width=1, dash=(3, 3), points={"show": False})
 
 
-def _curve_series(seeds: int) -> tuple[uplot.Series, ...]:
+def _curve_series(seeds: tuple[int, ...]) -> tuple[uplot.Series, ...]:
+    """Series of a chart; the seeds' lines are hidden: `charts.js` shows them while the mouse is over the chart."""
     others = [
         uplot.Series(label=f"other {k + 1}", stroke=colour, width=1, points={"show": False})
         for k, colour in enumerate(OTHERS[:COMPARED])
@@ -210,7 +224,7 @@ def _curve_series(seeds: int) -> tuple[uplot.Series, ...]:
         uplot.Series(label="lower end of 95 %", stroke=BAND_EDGE, width=1, points={"show": False}),
         _BORDER_SERIES,
         *others,
-        *(uplot.Series(label=f"seed {k + 1}", stroke=SEED, width=1, points={"show": False}) for k in range(seeds)),
+        *(uplot.Series(label=f"seed {n}", stroke=SEED, width=1, show=False, points={"show": False}) for n in seeds),
         uplot.Series(label="mean of seeds", stroke=MEAN, width=1, dash=(4, 4), points={"show": False}),
         uplot.Series(label="this run", stroke=OURS, width=2, points={"show": False}),
         uplot.Series(
@@ -262,11 +276,12 @@ class SidePanel:
             self._offsets = gui.add_image(FIRST_PIXELS, format="png")
         with self._panel.add_tab("Map"):
             self._map = gui.add_image(FIRST_PIXELS, format="png", visible=False)
+            self._before_words = gui.add_html("")
+            self._before = gui.add_image(FIRST_PIXELS, format="png", visible=False)
             self._map_words = gui.add_html("")
         with self._panel.add_tab("Runs"):
             self._runs = gui.add_html("")
         with self._panel.add_tab("Log"):
-            self._kept = gui.add_html("")
             self._log = gui.add_html("")
         self.room = PanelLayout(self._panel)
 
@@ -275,11 +290,13 @@ class SidePanel:
         self._panel.visible = visible
 
     def show_map(self, view: MapView) -> None:
-        """Show a policy map."""
-        self._map.visible = view.png is not None
-        if view.png is not None:
-            set_png(self._map, view.png)
+        """Show a policy map, and below it that of the policy before the training."""
+        for image, png in ((self._map, view.png), (self._before, view.before_png)):
+            image.visible = png is not None
+            if png is not None:
+                set_png(image, png)
         self._map_words.content = map_html(view.words)
+        self._before_words.content = map_html(view.before_words)
 
     def show(self, view: RunsView, details: Details | None) -> None:
         """Update from the runs; pictures are redrawn only when the view has changed."""
@@ -289,8 +306,14 @@ class SidePanel:
             return
         new = view.details
         several = view.run.config.seeds > 1
-        self._charts.show(view.run.name, new.charts, view.compared, several_seeds=several, results=new.seed_results)
+        self._charts.show(
+            view.run.name,
+            new.charts,
+            view.compared,
+            several_seeds=several,
+            results=new.seed_results,
+            kept=kept_html(new.stage_starts, view.run.config.curriculum),
+        )
         set_png(self._plan, new.plan_png)
         set_png(self._offsets, new.offsets_png)
-        self._kept.content = kept_html(new.stage_starts, view.run.config.curriculum)
         self._counts.content = case_counts_html(new.counts)

@@ -13,7 +13,7 @@ from app.scene.prediction import CASE_NAMES, CASE_RGB
 from app.shared.trainer import RunPhase, RunState
 from app.shared.training_records import Replay, number
 from app.theme import hex_colour
-from core.learning.config import CurriculumConfig
+from core.learning.config import CurriculumConfig, RunConfig
 from core.physics.episode import Case
 
 COLOURS: Final[dict[RunPhase, str]] = {
@@ -57,12 +57,21 @@ def status_html(
 
 def _policy_text(run: RunState, line: dict[str, object]) -> str:
     """What the policy of an evaluation is worth; of a finished run, the sentence that sums it up."""
+    learned = learned_text(run.config, line) if run.phase == "finished" else ""
+    if learned:
+        return f"<b>Learned: it {learned}.</b>"
     returned, error_mm = 100 * number(line.get("returned")), number(line.get("error_mm"))
-    if run.phase != "finished" or not math.isfinite(error_mm):
-        return f"policy after {line.get('episode')}: {_result(returned, error_mm)}"
-    speed = "" if run.config.environment.recorded else f" at {number(line.get('speed_mps')):g} m/s"
-    what = f"it returns {returned:.0f} % of the balls{speed}, {error_mm:.0f} mm from the target"
-    return f"<b>Learned: {what}, after {line.get('episode')} balls.</b>"
+    return f"policy after {line.get('episode')}: {_result(returned, error_mm)}"
+
+
+def learned_text(config: RunConfig, line: dict[str, object]) -> str:
+    """What the policy of an evaluation does, as the end of a sentence; empty where no ball landed."""
+    returned, error_mm = 100 * number(line.get("returned")), number(line.get("error_mm"))
+    if not math.isfinite(error_mm):
+        return ""
+    speed = "" if config.environment.recorded else f" at {number(line.get('speed_mps')):g} m/s"
+    what = f"returns {returned:.0f} % of the balls{speed}, {error_mm:.0f} mm from the target"
+    return f"{what}, after {line.get('episode')} balls"
 
 
 def plan_text(run: RunState) -> str:
@@ -83,6 +92,9 @@ def _progress_text(run: RunState, details: Details) -> str:
     if run.config.seeds > 1:
         text += f", seed {details.seed}"
     if run.status is not None and run.active:
+        stages = len(run.config.curriculum.speeds_mps)
+        if stages > 1:
+            text += f", stage {len(details.stage_starts) + 1} of {stages}"
         text += f", {run.status.speed_mps:g} m/s"
         if run.status.seconds_left is not None and run.phase == "running":
             text += f", {time_text(run.status.seconds_left)} left"

@@ -167,6 +167,10 @@ class ScenePanel:
         """Show the current ball."""
         self._ball.content = ball_html(replay)
 
+    def show_player(self, player: Player) -> None:
+        """Show which player replays the balls."""
+        self._player.value = player
+
     def show_view(self, view: str) -> None:
         """Show the current viewpoint."""
         if view in VIEWS:
@@ -232,6 +236,11 @@ class TrainingScene:
         if player in PLAYERS:
             chosen: Player = player
             self._host.later(lambda: self._rally.restart(chosen))
+
+    def let_policy_play(self) -> None:
+        """Let the last policy replay the balls, without noise."""
+        self._panel.show_player("current policy")
+        self._rally.restart("current policy")
 
     def play_at(self, speed: str) -> None:
         """Show the playback speed."""

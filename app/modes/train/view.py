@@ -20,6 +20,7 @@ from app.modes.train.curves import (
     seed_results,
     shared_axis,
     stage_borders,
+    stages_of,
     with_borders,
 )
 from app.modes.train.plan_view import draw_offsets, draw_plan, encode_plan
@@ -38,8 +39,8 @@ Array = NDArray[np.float64]
 COMPARED: Final = 3
 """Most runs drawn beside the chosen one."""
 PLAN_SPOTS: Final = 2000
-SEEDS_DRAWN: Final = 10
-"""Most curves of single seeds, those before the newest."""
+SEEDS_DRAWN: Final = 50
+"""Most lines of single seeds, those before the newest."""
 LISTED: Final = 40
 """Most runs in the table."""
 
@@ -72,12 +73,14 @@ class ChartData:
     """Mean over seeds; NaN for a run with one seed, as are both ends of its 95 % interval:"""
     seeds_low: dict[str, Array]
     seeds_high: dict[str, Array]
-    seeds: tuple[dict[str, Array], ...]
-    """Values of the other seeds that were started, at most SEEDS_DRAWN."""
+    seeds: dict[int, dict[str, Array]]
+    """Seed -> values, of the other seeds that were started, at most SEEDS_DRAWN."""
     compared: tuple[dict[str, Array], ...]
     """Curves of exactly COMPARED runs; unused ones are all NaN."""
     borders: Array
     """Episodes with which another stage of the chosen seed began; the axis has each of them twice or more."""
+    stages: tuple[tuple[float, float], ...]
+    """First episode of each of its stages, 0 for the first one, and its speed in m/s."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -202,10 +205,9 @@ def make_details(
     recent = newest.recent
     goal = recent[-1].get("goal_m") if recent else None
     cases, landings = newest.columns["case"], newest.landings_m
-    curves = [curves_of(m) for m in metrics.values()]
-    ours = curves[-1]
+    curves = {number: curves_of(m) for number, m in metrics.items()}
     return Details(
-        charts=_charts(curves, [curves_of(m) for m in others], planned, stage_borders(newest.columns["speed_mps"])),
+        charts=_charts(curves, [curves_of(m) for m in others], planned, newest.columns["speed_mps"]),
         counts={case: int(np.count_nonzero(cases == case)) for case in Case},
         plan_png=encode_plan(
             draw_plan(cases[-PLAN_SPOTS:], landings[-PLAN_SPOTS:], np.array(goal) if isinstance(goal, list) else None)
@@ -214,8 +216,8 @@ def make_details(
         spots=_spots(cases, landings),
         recent=recent,
         evaluations=newest.evaluations,
-        returned=_last(ours.values["returned"]),
-        error_mm=_last(ours.values["error_mm"]),
+        returned=_last(curves[seed].values["returned"]),
+        error_mm=_last(curves[seed].values["error_mm"]),
         episodes_done=len(newest),
         seed=seed,
         stage_starts=newest.stage_starts,
@@ -223,16 +225,19 @@ def make_details(
     )
 
 
-def _charts(curves: list[Curves], others: list[Curves], planned: int, borders: Array) -> ChartData:
+def _charts(by_seed: dict[int, Curves], others: list[Curves], planned: int, speeds_mps: Array) -> ChartData:
+    """Charts of a run's seeds, the newest last, beside other runs; `speeds_mps` (N,) of the newest seed's balls."""
+    curves, borders = list(by_seed.values()), stage_borders(speeds_mps)
     longest = max(len(c) for c in curves)
     # Two points at least: a chart with one may never show its ticks.
-    axis = shared_axis(max(longest, min(planned, max((len(c) for c in others), default=0)), 2))
+    axis = shared_axis(max(longest, min(planned, max((len(c) for c in others), default=0)), 2), len(curves))
     axis = with_borders(axis, borders)
     ours = curves[-1]
     nothing = np.full(len(axis), np.nan)
     several = len(curves) > 1
     bands = {name: interval_curves([c.values[name] for c in curves]) for name in CURVES} if several else {}
     shown = [{name: on_axis(c.values[name], axis) for name in CURVES} for c in others]
+    single = list(by_seed.items())[:-1][-SEEDS_DRAWN:]
     return ChartData(
         axis,
         max(planned, longest),
@@ -241,9 +246,10 @@ def _charts(curves: list[Curves], others: list[Curves], planned: int, borders: A
         {name: on_axis(mean_curve([c.values[name] for c in curves]), axis) if several else nothing for name in CURVES},
         {name: on_axis(bands[name][0], axis) if several else nothing for name in CURVES},
         {name: on_axis(bands[name][1], axis) if several else nothing for name in CURVES},
-        tuple({name: on_axis(c.values[name], axis) for name in CURVES} for c in curves[:-1][-SEEDS_DRAWN:]),
+        {seed: {name: on_axis(c.values[name], axis) for name in CURVES} for seed, c in single},
         (*shown, *[dict.fromkeys(CURVES, nothing)] * (COMPARED - len(shown))),
         borders,
+        stages_of(speeds_mps),
     )
 
 

@@ -7,7 +7,7 @@ runs/<name>/config.toml       the whole configuration
             seed-<n>/metrics.jsonl      one line per episode
                      evaluations.jsonl  one line per checkpoint: the policy on the fixed balls
                      checkpoint.safetensors   everything to go on from, bit for bit
-                     policies/<episode>.safetensors   the policy at each checkpoint
+                     policies/<episode>.safetensors   the policy at each checkpoint, 0: before the first ball
                      policy.safetensors, best.safetensors   the last, and the best by other balls than the evaluations'
 """
 
@@ -78,6 +78,11 @@ class SeedFiles:
     def policy_at(self, episode: int) -> Path:
         """The policy of a checkpoint."""
         return self.folder / "policies" / f"{episode:06d}.safetensors"
+
+    def kept_policies(self) -> tuple[tuple[int, Path], ...]:
+        """Episodes played and file of each policy that was kept, in order."""
+        paths = (self.folder / "policies").glob("*.safetensors")
+        return tuple(sorted((int(path.stem), path) for path in paths if path.stem.isdecimal()))
 
 
 def seed_files(run: Path, seed: int) -> SeedFiles:

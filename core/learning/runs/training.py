@@ -105,6 +105,8 @@ class SeedTrainer:
         """Train an agent in our loop; whether it finished, rather than being stopped."""
         files = seed_files(self._run, seed)
         training = resume(files, self._config, seed, self._backend)
+        if training.episode == 0:
+            save_policy(training.policy, files.policy_at(0))  # what Train compares the trained one with
         with SeedWriter(files) as writer:
             while not training.finished:
                 if not self._may_go_on(seed, training.episode, training.share, training.speed_mps, writer):

@@ -1,6 +1,7 @@
 """Train, in a real browser: a policy is trained, watched, stopped, killed, resumed. Screenshots: test-artifacts/."""
 
 import os
+import re
 import signal
 from collections.abc import Iterator
 
@@ -14,6 +15,8 @@ from app.server import App
 from app.shared.trainer import RunState, Trainer
 from core.physics.episode import Case
 from tests.app.browser.window import count_like, open_page, wait_until_sent
+from tests.app.modes.train.conftest import train_here
+from tests.app.modes.train.small_runs import small_run
 from tests.waiting import eventually
 
 GREEN, ORANGE, BLUE_TABLE = CASE_RGB[Case.RETURNED], (255, 140, 40), (48, 122, 202)
@@ -134,6 +137,44 @@ def test_one_button_makes_a_film_of_the_training(
     waiting.value.save_as(tmp_path / "film.mp4")
     (made,) = lab.services.exporter.files()
     assert (tmp_path / "film.mp4").read_bytes() == (workspace.exports / made.name).read_bytes()
+
+
+AXES = """() => Object.values(window.__viserTestpoints.uplots).map(({ chart }) =>
+  chart.axes.map((axis) => Boolean(axis._show && axis._splits?.length)))"""
+"""Of each chart, whether each axis is drawn."""
+SHOWN_SEEDS = """() => Object.values(window.__viserTestpoints.uplots)[0].chart.series
+  .filter((one) => one.show && /^seed /.test(one.label)).map((one) => one.label)"""
+
+
+def test_charts_of_a_training_that_ended_elsewhere_have_axes_and_every_seed_under_the_mouse(
+    window, workspace, trainer: Trainer
+) -> None:
+    page, mode = window.page, enter(window)
+    page.get_by_role("tab", name="Log").click()
+    window.press("Watch")
+    train_here(workspace.run_path("three"), small_run(speeds_mps=(4.0, 5.0), episodes=(30, 30), seeds=3))
+    window.press("Train")
+    eventually(lambda: shows(mode, "three") and mode.details.episodes_done == 60, "the run that ended elsewhere")
+    page.get_by_role("tab", name="Curves").click()
+    page.get_by_text("stage 2, 5 m/s").wait_for()
+    eventually(lambda: page.evaluate(AXES) == [[True] * 3] * 4, "the axes of all charts")
+    assert page.evaluate(SHOWN_SEEDS) == []
+    over = page.locator(".u-over").first.bounding_box()
+    tip = page.locator("#rallyscope-chart-tip")
+    for share in np.arange(0.05, 1.0, 0.1):  # on its way down the mouse comes to a line
+        page.mouse.move(over["x"] + over["width"] * 0.6, over["y"] + over["height"] * share)
+        if tip.is_visible():
+            break
+    assert re.fullmatch(r"seed [01]: \d+(\.\d+)? at ball \d+", tip.inner_text())
+    assert page.evaluate(SHOWN_SEEDS) == ["seed 0", "seed 1"]
+    window.screenshot("train-seeds")
+    page.mouse.move(over["x"] + over["width"] + 300, over["y"])
+    eventually(lambda: page.evaluate(SHOWN_SEEDS) == [], "the lines to go with the mouse")
+    page.get_by_role("tab", name="Map").click()
+    page.get_by_text("Before the training").wait_for()
+    window.screenshot("train-map-before")
+    window.press("Let it play")
+    page.get_by_text("current policy, no noise").wait_for()
 
 
 NAME, TITLE = "stop-me", "Stop me"

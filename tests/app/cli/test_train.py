@@ -49,6 +49,26 @@ def test_a_run_is_trained_refused_twice_and_evaluated(tmp_path: Path, capsys: py
     assert "constant centre" in capsys.readouterr().out
 
 
+def test_a_run_in_mujoco_is_evaluated_there_and_in_closed_form(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run, file = str(tmp_path / "run"), tmp_path / "few.toml"
+    save_config(dataclasses.replace(default_run("landing-model"), evaluation_balls=10), file)
+    options = ["--config", str(file), "--speeds", "5", "--episodes", "12", "--simulator", "mujoco", "--out", run]
+    assert main(["train", *options, "--source", "tcp://127.0.0.1:1"]) == 2
+    assert "a server plays the strokes itself" in capsys.readouterr().err
+    assert main(["train", *options]) == 0
+    assert read_run(Path(run)).environment.engine == "mujoco"
+    rows = []
+    for simulator in ([], ["--simulator", "mujoco"], ["--simulator", "closed-form"]):
+        capsys.readouterr()
+        assert main(["evaluate", run, "--json", *simulator]) == 0
+        rows += json.loads(capsys.readouterr().out)
+    here, same, closed = (row["error_mm"]["mean"] for row in rows)
+    assert here == same == pytest.approx(closed, abs=1e-3)
+    assert here != closed, "other arithmetic: a flag without effect would give the same digits"
+
+
 @pytest.mark.parametrize(
     ("options", "told"),
     [

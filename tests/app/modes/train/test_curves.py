@@ -7,6 +7,7 @@ from app.modes.train.curves import (
     FEWEST,
     LISTED_SEEDS,
     MAX_POINTS,
+    MAX_VALUES,
     border_lines,
     curves_of,
     interval_curves,
@@ -18,6 +19,8 @@ from app.modes.train.curves import (
     seed_results_html,
     shared_axis,
     stage_borders,
+    stage_labels,
+    stages_of,
     with_borders,
 )
 from app.modes.train.view import RunsViewer, ViewRequest
@@ -148,3 +151,18 @@ def test_a_stage_begins_with_the_first_ball_of_another_speed_and_is_an_upright_l
     known = np.isfinite(line)
     assert axis[known].tolist() == [3.0, 3.0, 6.0, 6.0] and line[known].tolist() == [1.0, 9.0, 1.0, 9.0]
     assert len(stage_borders(np.full(5, 3.0))) == 0
+
+
+def test_each_stage_has_its_speed_where_it_begins_as_far_as_there_is_room() -> None:
+    stages = stages_of(np.array([3.0] * 30 + [4.0] * 3 + [5.0] * 27))
+    assert stages == ((0.0, 3.0), (31.0, 4.0), (34.0, 5.0))
+    assert stage_labels(stages, 60) == ("3 m/s", "4", "5 m/s")
+    assert stage_labels(stages, 200) == ("3 m/s", "", "5 m/s"), "no text where it would lie over the next"
+    assert stages_of(np.array([])) == () and stage_labels((), 100) == ()
+
+
+def test_many_seeds_have_fewer_points_each() -> None:
+    assert len(shared_axis(2000, 1)) == MAX_POINTS
+    axis = shared_axis(2000, 40)
+    assert axis[-1] == 2000 and 40 * len(axis) <= MAX_VALUES
+    assert shared_axis(200, 40).tolist() == list(range(1, 201))

@@ -98,12 +98,20 @@ def test_a_map_is_made_once_for_each_checkpoint(trained: Workspace, tmp_path: Pa
     assert first is not None and first.png is not None
     picture = cv2.imdecode(np.frombuffer(first.png, np.uint8), cv2.IMREAD_COLOR)
     assert picture is not None
+    assert first.before_png is not None and first.before_png != first.png
+    assert first.before_words[0].startswith("Before the training. On the same balls, inside the box: ")
     again = dataclasses.replace(request, shown=first.key)
     assert viewer(again) is None
     files = seed_files(workspace.run_path("small"), 1)
+    assert [episode for episode, _ in files.kept_policies()] == list(range(0, 41, 4))
     files.policy.write_bytes(files.policy_at(4).read_bytes())  # another checkpoint
     later = viewer(again)
     assert later is not None and later.png is not None and later.png != first.png
+    assert later.before_png == first.before_png
+    files.policy_at(0).unlink()  # a run of an earlier version
+    files.policy.write_bytes(files.policy_at(8).read_bytes())
+    older = viewer(dataclasses.replace(request, shown=later.key))
+    assert older is not None and older.before_words[0].startswith("Before: the first policy that was kept, after 4 ")
 
 
 def test_without_a_policy_or_with_a_broken_one_the_words_say_why(trained: Workspace, tmp_path: Path) -> None:

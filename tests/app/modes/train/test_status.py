@@ -52,6 +52,9 @@ def test_a_finished_run_sums_up_what_was_learned(tmp_path: Path) -> None:
     running = status_html(STATE, details, None)
     assert "last balls, with exploration noise: " in running
     assert "policy after 30: 100 % returned, 22 mm from the target" in running and "Learned" not in running
+    assert "ball 30 of 30, seed 0, stage 1 of 2, 3 m/s" in running
+    second = dataclasses.replace(details, stage_starts=({"kept": 8, "dropped": 2, "stage": 1, "speed_mps": 5.0},))
+    assert "stage 2 of 2" in status_html(STATE, second, None)
     done = dataclasses.replace(STATE, phase="finished")
     learned = "Learned: it returns 100 % of the balls at 5 m/s, 22 mm from the target, after 30 balls."
     assert learned in status_html(done, details, None)

@@ -66,11 +66,15 @@ def test_charts_are_aligned_and_hold_the_mean_of_the_seeds(viewer: RunsViewer) -
     for name in ("returned", "error_mm", "reward"):
         mean = charts.seeds_mean[name][10:]
         assert (charts.seeds_low[name][10:] <= mean).all() and (mean <= charts.seeds_high[name][10:]).all()
-    (other,) = charts.seeds  # thin, beside the newest seed's
+    (other,) = charts.seeds.values()  # hidden, beside the newest seed's
+    assert list(charts.seeds) == [0] and charts.stages == ((0.0, 5.0),)
     assert other["reward"] == pytest.approx(2 * charts.seeds_mean["reward"] - charts.run["reward"], nan_ok=True)
-    for seeds in (0, 1, 7):  # as many lines as there are curves
-        shown = dataclasses.replace(charts, seeds=charts.seeds * seeds)
-        assert len(_curve_series(seeds)) == 1 + len(chart_columns(shown)["error_mm"])
+    for seeds in ((), (200,), tuple(range(200, 207))):  # as many lines as there are curves, each with its seed
+        shown = dataclasses.replace(charts, seeds=dict.fromkeys(seeds, other))
+        series = _curve_series(seeds)
+        assert len(series) == 1 + len(chart_columns(shown)["error_mm"])
+        hidden = [one.get("label") for one in series if not one.get("show", True)]
+        assert hidden == [f"seed {seed}" for seed in seeds], "shown with the mouse over the chart only"
     assert np.isnan(charts.compared[0]["reward"]).all()
     assert np.count_nonzero(np.isfinite(charts.evaluated["returned"])) == 10
 

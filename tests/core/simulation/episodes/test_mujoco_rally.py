@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +17,7 @@ from core.physics import Case, strokes_from_actions
 from core.physics.episode import Strokes
 from core.physics.flight import air_from_config, fly
 from core.physics.task import TaskConfig, task_profile
-from core.simulation.episodes import draw_serves, fly_serves, simulate_episodes
+from core.simulation.episodes import ball_outcome, draw_serves, fly_serves, simulate_episodes
 from core.simulation.episodes.ball_outcome import BallOutcome, RallyClassifier, RallyEvent
 from core.simulation.episodes.episode_path import trace_episode
 from core.simulation.episodes.mujoco_rally import MujocoRally, simulate_episodes_mujoco
@@ -182,3 +186,28 @@ def test_the_numba_physics_does_not_load_mujoco() -> None:
         "core.simulation.episodes.ball_outcome; sys.exit('mujoco' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_the_page_names_all_that_is_left_to_mujoco() -> None:
+    source = Path(inspect.getfile(MujocoRally)).read_text()
+    page = (Path(__file__).parents[4] / "docs" / "how" / "physics.md").read_text()
+    section = page.split("## What does MuJoCo compute in the live rally?")[1]
+    (sentence,) = (line for line in section.splitlines() if "All that `mujoco_rally.py` calls of MuJoCo" in line)
+    called = {
+        node.attr
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "mj"
+    }
+    assert set(re.findall(r"\b[Mm]j\w+", sentence)) == called
+    rows = [line.split("|")[3] for line in section.splitlines() if line.startswith("|")]
+    named = set(re.findall(r"`(\w+)`", "".join(rows)))
+    assert len(named) > 8 and named <= {*re.findall(r"\w+", source), *dir(ball_outcome), "draw_serves"}
+
+
+def test_mujoco_finds_no_contact_and_its_racket_is_where_ours_is() -> None:
+    rally, _, _, _ = served_and_aimed(0, 0.002)
+    assert not rally.model.geom_contype.any() and not rally.model.geom_conaffinity.any() and rally.model.nu == 0
+    while rally.playing:
+        rally.step()
+        assert rally.data.ncon == 0
+        np.testing.assert_array_equal(rally.data.qpos[7:14], [*rally.racket.p_m, *rally.racket.q_wxyz])
