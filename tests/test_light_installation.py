@@ -41,6 +41,7 @@ LACKING = [
     (["sim-server", "--bind", "tcp://127.0.0.1:0"], "mujoco"),
     (["export", "one.h5", "--rrd", "one.rrd"], "rerun"),
     (["export", "one.h5", "--csv", "columns"], "pyarrow"),
+    (["info", "one.h5", "--balls"], "pyarrow"),
     (["export", "run", "--mp4", "run.mp4"], "av"),
 ]
 

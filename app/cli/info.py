@@ -1,4 +1,4 @@
-"""`rallyscope info`: what a recording, or an event file of any other format, holds."""
+"""`rallyscope info`: what a recording, or an event file of any other format, holds, and its balls."""
 
 from __future__ import annotations
 
@@ -6,28 +6,47 @@ import json
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
-from app.cli.arguments import flag, positional
+from app.cli.arguments import flag, given, positional
+from app.cli.files import check_folder, csv_text, write_text
 from app.cli.progress import progress_bar
-from app.cli.terminal import print_lines, say
+from app.cli.terminal import format_table, json_ready, print_lines, say
+from core.errors import CommandError
+from core.extras import require_package
 from core.recordings import CameraStream, open_recording
 from core.recordings.reader import FileRecording
 
 Facts = dict[str, object]
+SHOWN: Final = 20
+"""Balls that are printed for a person; `--out` has all."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InfoArguments:
     """Show what a recording, or an event file of any other format, holds."""
 
-    recording: Path = positional("recording or event file to show", "REC")
+    recording: Path = positional(
+        "recording or event file to show; with --balls also a workspace, data set or run", "REC"
+    )
+    balls: bool = flag("list every flight, bounce and stroke instead")
+    where: str | None = flag(
+        "only balls that meet all conditions, such as 'kind=stroke speed_mps=5..7 outcome=net|out'", "CONDITIONS"
+    )
+    track: bool = flag("let the tracker find the balls of recordings that say nothing of them; it takes long")
+    out: Path | None = flag("write these balls as a table", "FILE.csv")
     json: bool = flag("print it as JSON")
 
 
 def run(arguments: InfoArguments) -> None:
     """Print what is there."""
+    if arguments.balls:
+        _list_balls(arguments)
+        return
+    if wrong := given({"--where": arguments.where, "--track": arguments.track or None, "--out": arguments.out}):
+        raise CommandError("only balls have that", got=", ".join(wrong), remedy="add --balls")
     with progress_bar(f"Reading {arguments.recording.name}") as progress:
         recording = open_recording(arguments.recording, progress=progress)
     with closing(recording):
@@ -37,6 +56,37 @@ def run(arguments: InfoArguments) -> None:
             say(json.dumps({"path": lines[0], **facts}))
         else:
             print_lines(lines)
+
+
+def _list_balls(arguments: InfoArguments) -> None:
+    """The balls of a recording, a run, or all of a folder; in a workspace they are indexed, and read from there."""
+    require_package("pyarrow", "the index of balls")
+    from app.shared.ball_index import ball_sources, index_balls
+    from labels.ball_table import COLUMNS, parse_conditions, select_rows
+
+    check_folder(arguments.out)
+    conditions = parse_conditions(arguments.where or "")
+    place = arguments.recording
+    sources = ball_sources(place)
+    if not sources:
+        expected = "a recording, or a folder with recordings or runs"
+        raise CommandError("no balls to list", expected=expected, where=place)
+    workspace = place if (place / "recordings").is_dir() else None
+    with progress_bar("Indexing balls") as progress:
+        found = index_balls(sources, workspace, track=arguments.track, progress=progress)
+    rows = found.table.take(select_rows(found.table, conditions)).to_pylist()
+    if arguments.out is not None:
+        write_text(arguments.out, csv_text(COLUMNS, ([row[name] for name in COLUMNS] for row in rows)))
+    unknown = [str(source.path) for source in found.unknown]
+    if arguments.json:
+        say(json.dumps(json_ready({"path": str(place), "balls": rows, "unknown": unknown, "failed": found.failed})))
+        return
+    if rows:
+        say(format_table(rows[:SHOWN]))
+    print_lines(
+        [f"{len(rows):,} of {len(found.table):,} balls", *(f"not read: {text}" for text in found.failed.values())]
+    )
+    print_lines(f"nothing is known of the balls of {path}: --track finds them" for path in unknown)
 
 
 def recording_facts(recording: FileRecording) -> Facts:

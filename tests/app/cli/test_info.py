@@ -91,3 +91,35 @@ def test_a_file_that_is_no_recording_is_one_line_and_exit_code_2(tmp_path, capsy
     (tmp_path / "a.h5").write_bytes(b"")
     assert main(["info", str(tmp_path / "a.h5")]) == 2
     assert capsys.readouterr().err == f"rallyscope: {tmp_path / 'a.h5'}: the file is empty\n"
+
+
+def test_the_balls_of_a_recording_are_listed_selected_and_written(serve_recording, tmp_path, capsys):
+    out = tmp_path / "balls.csv"
+    assert main(["info", str(serve_recording), "--balls", "--json", "--out", str(out)]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [ball["kind"] for ball in found["balls"]] == ["flight", "bounce"]
+    first, *rows = out.read_text().splitlines()
+    assert first.startswith("source,name,kind,number,t_us,end_us,speed_mps") and len(rows) == 2
+    assert main(["info", str(serve_recording), "--balls", "--where", "kind=bounce speed_mps=5..6"]) == 0
+    assert "1 of 2 balls" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--where", "kind=bounce"], "add --balls"),
+        (["--track"], "add --balls"),
+        (["--balls", "--where", "spedd=3"], "not a condition on balls"),
+    ],
+)
+def test_flags_of_balls_that_do_not_fit_are_refused(recording, capsys, words, message):
+    assert main(["info", str(recording), *words]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_folder_without_recordings_and_a_recording_that_knows_no_ball_say_so(recording, tmp_path, capsys):
+    (tmp_path / "empty").mkdir()
+    assert main(["info", str(tmp_path / "empty"), "--balls"]) == 2
+    assert "no balls to list" in capsys.readouterr().err
+    assert main(["info", str(recording), "--balls"]) == 0
+    assert "--track finds them" in capsys.readouterr().out
