@@ -41,6 +41,7 @@ from app.panels.time_bar import (
     same_moments,
     tracks_of,
 )
+from app.scene.space_time import SpaceTimeScene
 from app.scene.world import World
 from app.shared.source_notifications import SourceNotifications
 from app.startup.example_rally import AFTER_S, ExampleRally
@@ -120,6 +121,7 @@ class Session:
         self.page = SessionPage(visit, pages, services.browsers, pool, self)
         self.plane = ImageView(client, self._clicked)
         self.world = World(client, lambda: self.plane.aspect)
+        self.space = SpaceTimeScene(client)
         self._preparation = preparation
         is_first = preparation is not None and preparation.is_first
         self._example = ExampleRally(self.world.draw, after_s=0.0 if is_first else AFTER_S)
@@ -264,6 +266,8 @@ class Session:
         middle = mode.middle
         self.plane.set_visible(middle not in ("world", "space"))  # first: from then on it does not move the camera
         self.world.show(middle == "world")
+        self.space.set_visible(middle == "space")
+        self.space.stand(self.plane.aspect, self.plane.panel_share)
         if middle == "events":
             self._request_picture(self._state, self._recording, now_us, wall_s)
         mode.tick(self._state, now_us, wall_s)
@@ -456,7 +460,7 @@ class Session:
             self._state = self.page.first_state(name, cameras, playhead, self._first_detector, at_ball=opens_us > 0)
         else:
             views = {
-                "tune": replace(self._state.tune, centre_px=None),
+                "tune": replace(self._state.tune, centre_px=None, picked=None),
                 "watch": replace(self._state.watch, large="", table=TableClicks()),
             }
             self._state = replace(

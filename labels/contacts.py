@@ -233,5 +233,10 @@ def find_contact_conflicts(
     return tuple(
         ContactConflict(camera, annotators, (one.t_us, other.t_us), (str(one.kind), str(other.kind)))
         for one, other in pairs
-        if one.kind is not other.kind or abs(one.t_us - other.t_us) > within_us
+        if contacts_differ(one, other, within_us)
     )
+
+
+def contacts_differ(one: ContactLabel, other: ContactLabel, within_us: int = WITHIN_US) -> bool:
+    """Whether two of one event are in conflict: of other kinds, or times farther apart."""
+    return one.kind is not other.kind or abs(one.t_us - other.t_us) > within_us

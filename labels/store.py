@@ -32,7 +32,7 @@ from labels.database.connection import (
     transaction,
     work_in_log,
 )
-from labels.database.contact_rows import contact_of, current_contacts
+from labels.database.contact_rows import contact_of, current_contacts, current_rejections
 from labels.database.edit_log import (
     SessionHistory,
     UndoStep,
@@ -235,24 +235,35 @@ class LabelStore:
         delete: Iterable[int] = (),
         put_contacts: Iterable[ContactLabel] = (),
         delete_contacts: Iterable[int] = (),
+        reject_contacts: Iterable[ContactLabel] = (),
     ) -> int:
         """Several changes as one: one write, one step of undo, all or nothing. Returns how many times it touches.
 
-        A contact at a time is one thing, a label of the same time another.
+        A contact at a time is one thing, a label of the same time another. Proposed contacts that are wrong are
+        remembered as rejected, until there is a contact at their time.
 
         Raises:
             LabelError: if it is not saved.
         """
         stamped, gone = tuple(self._stamp(label) for label in put), tuple(delete)
         contacts, ended = tuple(self._stamp(contact) for contact in put_contacts), tuple(delete_contacts)
-        for new, old in ((stamped, gone), (contacts, ended)):
+        wrong = tuple(self._stamp(contact) for contact in reject_contacts)
+        for new, old in ((stamped, gone), (contacts, ended), (wrong, {*ended, *(one.t_us for one in contacts)})):
             times = {one.t_us for one in new}
             if len(times) != len(new) or times & set(old):
                 raise LabelError("one edit says two things about the same time", where=self.path)
-        if not (stamped or gone or contacts or ended):
+        if not (stamped or gone or contacts or ended or wrong):
             return 0
         with self.writing() as db, transaction(db):
-            touched = add_edit(db, self.writer, stamped, gone, put_contacts=contacts, delete_contacts=ended)
+            touched = add_edit(
+                db,
+                self.writer,
+                stamped,
+                gone,
+                put_contacts=contacts,
+                delete_contacts=ended,
+                reject_contacts=wrong,
+            )
         return len(touched)
 
     def reject(self, t_us: int, x_px: float, y_px: float, r_px: float | None, detector: str) -> None:
@@ -344,6 +355,12 @@ class LabelStore:
             self._refresh()
             rows = current_contacts(self._reader, self._number, upto=self._seen)
         return tuple(contact_of(t_us, values) for t_us, values in rows)
+
+    def rejected_contacts(self) -> tuple[int, ...]:
+        """Times of the proposed contacts that were found wrong in this layer, ascending."""
+        with self._lock, sqlite_errors(self.path, "cannot read the labels"):
+            self._refresh()
+            return tuple(current_rejections(self._reader, self._number, upto=self._seen))
 
     def by_time(self) -> Mapping[int, Label]:
         """All labels by their time, ascending: a snapshot that does not change."""

@@ -14,6 +14,7 @@ from app.export.exporter import ExportState
 from app.formatting import html_text, percent
 from app.modes.services import Services
 from app.panels.time_bar import ContactMark, Runs
+from app.scene.space_time import SpaceTimeScene
 from app.scene.world import World
 from app.state.client_state import ClientState
 from app.state.commands import Command
@@ -46,6 +47,11 @@ class ModeHost(Protocol):
     @property
     def world(self) -> World:
         """The 3D scene in the middle of the window; visible while `middle` is "world"."""
+        ...
+
+    @property
+    def space(self) -> SpaceTimeScene:
+        """Events in space and time in the middle of the window; visible while `middle` is "space"."""
         ...
 
     @property
@@ -124,7 +130,7 @@ class Mode(Protocol):
     @property
     def middle(self) -> Middle:
         """What the middle of the window shows: the session's event pictures, a sheet of the mode's own, the rally in
-        3D, or a 3D scene of the mode's own.
+        3D, or events in space and time.
         """
         ...
 

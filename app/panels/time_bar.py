@@ -53,7 +53,7 @@ class ContactMark:
     sigma_us: float
     kind: str
     proposed: bool
-    """Nobody has judged it yet: it is drawn pale."""
+    """It is not labelled here, but proposed, or another annotator's: it is drawn pale."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

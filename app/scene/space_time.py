@@ -38,9 +38,10 @@ _NO_LINES: Final = np.zeros((1, 2, 3), np.float32)
 class SpaceTimeScene:
     """Handles of one browser, made when it is first shown and reused for every window."""
 
-    def __init__(self, client: viser.ClientHandle, picked: Callable[[tuple[float, float]], None]) -> None:
-        """`picked` is given the pixel of an event that was clicked, from viser's thread."""
-        self._client, self._picked = client, picked
+    def __init__(self, client: viser.ClientHandle) -> None:
+        self._client = client
+        self.on_pick: Callable[[tuple[float, float]], None] | None = None
+        """Called, in viser's thread, with the pixel of each event that is clicked."""
         self._root: viser.FrameHandle | None = None
         self._shown: SpaceTime | None = None
         self._shape = NO_SHAPE
@@ -86,12 +87,14 @@ class SpaceTimeScene:
                 (self._frame, shown.frame),
                 (self._slab, shown.slab),
                 (self._tube, shown.tube),
+                (self._mark, shown.mark),
                 (self._truth, shown.truth),
             ):
                 handle.visible = len(lines) > 0
                 if len(lines):
                     handle.points = lines
             self._tube.colors = np.array(shown.tube_rgb, np.uint8)
+            self._mark.colors = np.array(shown.mark_rgb, np.uint8)
             self._show_ticks(shown.ticks)
 
     def _show_ticks(self, ticks: tuple[Tick, ...]) -> None:
@@ -115,6 +118,7 @@ class SpaceTimeScene:
         self._frame = self._add_lines("frame", FRAME_RGB, 1.0)
         self._slab = self._add_lines("window", SLAB_RGB, 1.5)
         self._tube = self._add_lines("ball", SLAB_RGB, 1.5)
+        self._mark = self._add_lines("mark", SLAB_RGB, 2.5)
         self._truth = self._add_lines("truth", TRUTH_RGB, 2.0)
         self._labels = [
             scene.add_label(f"{ROOT}/tick{k}", "", anchor="top-center", font_screen_scale=LABEL_SIZE, visible=False)
@@ -124,8 +128,8 @@ class SpaceTimeScene:
         async def clicked(event: viser.SceneClickEvent) -> None:
             if self.visible and self._shown is not None:
                 point = event_at(self._shown, event.ray_origin, event.ray_direction)
-                if point is not None:
-                    self._picked(point)
+                if point is not None and self.on_pick is not None:
+                    self.on_pick(point)
 
         scene.on_click()(clicked)  # pyright: ignore[reportArgumentType]
 

@@ -179,6 +179,15 @@ class RenderSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class PickedPoint:
+    """A point of a camera's picture at a time; the cluster there is the chosen one."""
+
+    camera: str
+    t_us: int
+    point_px: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
 class TuneView:
     """View settings of Tune."""
 
@@ -187,6 +196,8 @@ class TuneView:
     zoom: float = 1.0
     centre_px: tuple[float, float] | None = None
     """Centre of the zoomed view, px; None follows the ball."""
+    picked: PickedPoint | None = None
+    """The last click into a picture, or into events in space and time; Label's clicks there, too."""
     slot: Slot = "A"
     """The config that the sliders change."""
     compare: bool = False

@@ -23,6 +23,7 @@ from app.state.client_state import (
     Configs,
     ModeName,
     Overlay,
+    PickedPoint,
     Slot,
 )
 from core.config import replace_setting
@@ -234,6 +235,20 @@ class LookAt:
         if self.centre_px is not None and (state.tune.zoom <= 1.0 or not all(map(math.isfinite, self.centre_px))):
             return state
         return replace(state, tune=replace(state.tune, centre_px=self.centre_px))
+
+
+@dataclass(frozen=True, slots=True)
+class PickCluster:
+    """Choose the cluster at a point; the zoomed view of its camera is centred there."""
+
+    picked: PickedPoint
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        if not all(map(math.isfinite, self.picked.point_px)):
+            return state
+        if self.picked.camera == state.camera:
+            state = LookAt(self.picked.point_px).apply(state, wall_s)
+        return replace(state, tune=replace(state.tune, picked=self.picked))
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,9 @@ looks along time.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -43,6 +44,20 @@ Array = NDArray[np.float64]
 Points = NDArray[np.float32]
 Segments = NDArray[np.float32]
 """(N, 2, 3) ends of lines."""
+NO_LINES: Final = np.zeros((0, 2, 3), np.float32)
+
+
+class Circles(Protocol):
+    """N circles of balls, each at its own time, ascending; nan where there is none."""
+
+    @property
+    def t_us(self) -> NDArray[np.int64]: ...
+    @property
+    def u_px(self) -> Array: ...
+    @property
+    def v_px(self) -> Array: ...
+    @property
+    def r_px(self) -> Array: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,8 +116,11 @@ class SpaceTime:
     slab: Segments
     """The window in the box `frame`."""
     tube: Segments
-    """The circles of the balls found in the windows, joined where two windows in a row have one."""
+    """The circles of the balls in the windows, joined where two windows in a row have one."""
     tube_rgb: tuple[int, int, int]
+    mark: Segments
+    """One circle through the window, which is set off; empty if none is."""
+    mark_rgb: tuple[int, int, int]
     truth: Segments
     """Path of the true ball's centre; empty where it is not known or not to be shown."""
     ticks: tuple[Tick, ...]
@@ -135,41 +153,87 @@ def space_time_of(
         truth: the true ball, to be drawn too.
         wrong: whether the window's ball is false; its tube is red.
     """
-    window = answer.window
-    start_us, end_us = span_of(answer)
+    window = answer.window.start_us, answer.window.end_us
+    return events_in_space(
+        stream,
+        window,
+        region,
+        lambda events: _inks(events, answer, stage, colour),
+        colours,
+        circles,
+        joined_us=window[1] - window[0],
+        ink=ball_ink(wrong=wrong),
+        zero_us=window[1],
+        truth=truth,
+    )
+
+
+def events_in_space(
+    stream: CameraStream,
+    window: tuple[int, int],
+    region: Region,
+    inks: Callable[[Events], NDArray[np.uint8]],
+    colours: PolarityColours,
+    circles: Circles,
+    *,
+    joined_us: int,
+    ink: int,
+    zero_us: int,
+    truth: PixelTruth | None = None,
+    mark: tuple[float, float, float] | None = None,
+    mark_ink: int = 0,
+) -> SpaceTime:
+    """The events of a region in a window and in `NEIGHBOURS` on each side.
+
+    Args:
+        stream: the camera.
+        window: start and end, us.
+        region: part of the sensor that is shown.
+        inks: (N,) palette indices of N events.
+        colours: those of ON and OFF events.
+        circles: balls in the time that is shown, see `span_of`.
+        joined_us: usual time between two circles in a row.
+        ink: palette index of their tube.
+        zero_us: the time that the axis calls 0.
+        truth: the true ball, to be drawn too.
+        mark: column, row and radius of a circle that is set off, px.
+        mark_ink: its palette index.
+    """
+    start_us, end_us = span_of(window)
     box, rgb = SpaceTimeBox(region, start_us, end_us), palette(colours)
     shown = events_in(stream.slice(start_us, end_us), region)
     kept = thinned(len(shown), MOST_POINTS)
-    inks = _inks(shown, answer, stage, colour)[kept]
     x_px, y_px = shown.x_px[kept], shown.y_px[kept]
-    windows = round((end_us - start_us) / (window.end_us - window.start_us))
+    windows = round((end_us - start_us) / (window[1] - window[0]))
     return SpaceTime(
         points=box.places(x_px, y_px, shown.t_us[kept]),
-        colours=rgb[inks],
+        colours=rgb[inks(shown)[kept]],
         x_px=x_px,
         y_px=y_px,
         frame=box.edges(start_us, end_us),
-        slab=box.edges(window.start_us, window.end_us),
-        tube=tube_of(box, circles, window.end_us - window.start_us),
-        tube_rgb=_rgb(rgb, ball_ink(wrong=wrong)),
+        slab=box.edges(*window),
+        tube=tube_of(box, circles, joined_us),
+        tube_rgb=_rgb(rgb, ink),
+        mark=NO_LINES if mark is None else cylinder_of(box, window, mark),
+        mark_rgb=_rgb(rgb, mark_ink),
         truth=_path_of(box, truth),
-        ticks=ticks_of(box, window.end_us),
+        ticks=ticks_of(box, zero_us),
         note=f"{count_note(len(kept), len(shown))} in {windows} windows, {(end_us - start_us) / 1e3:g} ms",
     )
 
 
-def span_of(answer: WindowAnswer) -> tuple[int, int]:
+def span_of(window: tuple[int, int]) -> tuple[int, int]:
     """Start and end of the time that is shown with a window, us; whole windows, from the start of the recording on."""
-    window = answer.window
-    window_us = window.end_us - window.start_us
-    before = min(NEIGHBOURS, window.start_us // window_us)
-    return window.start_us - before * window_us, window.end_us + NEIGHBOURS * window_us
+    start_us, end_us = window
+    window_us = end_us - start_us
+    before = min(NEIGHBOURS, start_us // window_us)
+    return start_us - before * window_us, end_us + NEIGHBOURS * window_us
 
 
 def answers_around(stream: CameraStream, answer: WindowAnswer, config: DetectorConfig) -> WindowAnswers:
     """Answers of the method to the windows shown, from one run over them and the time before."""
     window_us = answer.window.end_us - answer.window.start_us
-    start_us, end_us = span_of(answer)
+    start_us, end_us = span_of((answer.window.start_us, answer.window.end_us))
     lead_in = min(LEAD_IN_US, start_us) // window_us
     detector = make_detector(answer.method, stream.sensor, config)
     found = run_detector(stream, detector, window_us, start_us=start_us - lead_in * window_us, end_us=end_us)
@@ -194,21 +258,38 @@ def count_note(drawn: int, count: int) -> str:
     return f"{drawn:,} of {count:,} events drawn, 1 in {count / drawn:.1f},"
 
 
-def tube_of(box: SpaceTimeBox, circles: WindowAnswers, window_us: int) -> Segments:
-    """Circles of the found balls at their own times, with lines between those of neighbouring windows.
+def tube_of(box: SpaceTimeBox, circles: Circles, window_us: int) -> Segments:
+    """Circles of balls at their own times, with lines between those of neighbouring windows.
 
     Args:
         box: where they are drawn.
-        circles: answers to windows in a row.
+        circles: those of windows in a row.
         window_us: length of a window; circles that lie farther apart than 1.5 windows are not joined.
     """
-    inside = box.holds(circles.u_px, circles.v_px, circles.t_us)
-    t, u, v, r = (one[inside] for one in (circles.t_us, circles.u_px, circles.v_px, circles.r_px))
+    inside = box.holds(circles.u_px, circles.v_px, circles.t_us) & np.isfinite(circles.r_px)
+    t = circles.t_us[inside]
+    u, v, r = (one[inside] for one in (circles.u_px, circles.v_px, circles.r_px))
+    joined = np.diff(t) <= 1.5 * window_us
+    return _rings_of(box, t, u, v, r, joined)
+
+
+def cylinder_of(box: SpaceTimeBox, window: tuple[int, int], circle: tuple[float, float, float]) -> Segments:
+    """A circle (column, row, radius, px) from the start to the end of a window; nothing if its centre is outside."""
+    t = np.array(window, np.int64)
+    u, v, r = (np.full(2, value) for value in circle)
+    if not box.holds(u, v, t).all():
+        return NO_LINES
+    return _rings_of(box, t, u, v, r, np.ones(1, np.bool_))
+
+
+def _rings_of(
+    box: SpaceTimeBox, t: NDArray[np.int64], u: Array, v: Array, r: Array, joined: NDArray[np.bool_]
+) -> Segments:
+    """N circles, and lines from one to the next where the (N - 1,) `joined` say so."""
     angle = np.arange(RING) * (2 * np.pi / RING)
     x, y = u[:, None] + r[:, None] * np.cos(angle), v[:, None] + r[:, None] * np.sin(angle)
     rings = box.places(x, y, np.broadcast_to(t[:, None], x.shape)).reshape(-1, RING, 3)
     around = np.stack([rings, np.roll(rings, -1, axis=1)], axis=2).reshape(-1, 2, 3)
-    joined = np.diff(t) <= 1.5 * window_us
     corners = rings[:, :: RING // STAVES]
     along = np.stack([corners[:-1], corners[1:]], axis=2)[joined].reshape(-1, 2, 3)
     return np.concatenate([around, along])
@@ -263,21 +344,26 @@ def event_at(shown: SpaceTime, origin: ArrayLike, direction: ArrayLike) -> tuple
 
 def _inks(events: Events, answer: WindowAnswer, stage: str, colour: SpaceColour) -> NDArray[np.uint8]:
     """(N,) palette indices: neighbours dim, the window's events as asked for."""
-    window = answer.window
-    dim = np.where(events.on, PaletteIndex.ON_DIM, PaletteIndex.OFF_DIM).astype(np.uint8)
+    window, trace = answer.window, answer.trace
+    inks = polarity_inks(events, window.start_us, window.end_us)
     inside = (events.t_us >= window.start_us) & (events.t_us < window.end_us)
-    own = np.where(events.on, PaletteIndex.ON, PaletteIndex.OFF).astype(np.uint8)
-    trace = answer.trace
     if trace is not None and colour == "verdict":
-        own = _verdict_inks(events, dim, trace)
-    elif trace is not None and colour == "stage" and trace.view(stage).pixels is not None:
-        own = stage_pixels(window, trace, stage, "polarity")[events.y_px, events.x_px]
-    return np.where(inside, own, dim)
+        return np.where(inside, _verdict_inks(events, trace), inks)
+    if trace is not None and colour == "stage" and trace.view(stage).pixels is not None:
+        return np.where(inside, stage_pixels(window, trace, stage, "polarity")[events.y_px, events.x_px], inks)
+    return inks
 
 
-def _verdict_inks(events: Events, dim: NDArray[np.uint8], trace: MethodTrace) -> NDArray[np.uint8]:
-    """Green on the pixels of candidates without a reason against them, red on those of the others."""
-    inks = dim.copy()
+def polarity_inks(events: Events, start_us: int, end_us: int) -> NDArray[np.uint8]:
+    """(N,) palette indices by polarity: bright in a window, dim around it; in one that is empty, dim everywhere."""
+    inside = (events.t_us >= start_us) & (events.t_us < end_us)
+    bright = np.where(events.on, PaletteIndex.ON, PaletteIndex.OFF)
+    return np.where(inside, bright, np.where(events.on, PaletteIndex.ON_DIM, PaletteIndex.OFF_DIM)).astype(np.uint8)
+
+
+def _verdict_inks(events: Events, trace: MethodTrace) -> NDArray[np.uint8]:
+    """Green on the pixels of candidates without a reason against them, red on those of the others; else dim."""
+    inks = polarity_inks(events, 0, 0)
     here = _pixel_keys(events.x_px, events.y_px)
     for candidate in sorted(trace.candidates, key=lambda one: not one.reasons):  # an accepted one last
         ink = PaletteIndex.HULL_REJECTED if candidate.reasons else PaletteIndex.HULL
@@ -291,7 +377,7 @@ def _pixel_keys(x_px: NDArray[np.number], y_px: NDArray[np.number]) -> NDArray[n
 
 def _path_of(box: SpaceTimeBox, truth: PixelTruth | None) -> Segments:
     if truth is None:
-        return np.zeros((0, 2, 3), np.float32)
+        return NO_LINES
     there = truth.at(np.linspace(box.start_us, box.end_us, 2 * NEIGHBOURS + 2))
     places = box.places(there.u_px, there.v_px, there.t_us)
     seen = there.visible & box.holds(there.u_px, there.v_px, there.t_us)

@@ -25,7 +25,7 @@ CONTACT_COLUMNS: Final = (
 )
 """What a change says of its time, in order."""
 NO_CONTACT: Final[Values] = (None,) * len(CONTACT_COLUMNS)
-"""The change that takes a contact away."""
+"""The change that takes a contact away, or a rejection back."""
 LISTED_CONTACT: Final = ", ".join(CONTACT_COLUMNS)
 
 
@@ -49,6 +49,26 @@ def contact_of(t_us: int, values: Values) -> ContactLabel:
         raise LabelError("not a contact", got=error, where=f"contact at {t_us} us") from error
 
 
+def values_of_rejection(contact: ContactLabel) -> Values:
+    """The change that says of a proposed contact: there is none at its time.
+
+    It has no kind, as a contact that was taken away has none: programs that know of no rejections read it as that.
+    """
+    return (None, *values_of_contact(contact)[1:])
+
+
+def current_rejections(db: sqlite3.Connection, layer: int, *, upto: int) -> list[int]:
+    """Times of the proposed contacts of a layer that were rejected as of the edit `upto`, ascending."""
+    if not holds_contacts(db):
+        return []
+    rows = db.execute(
+        "SELECT t_us, max(edit), kind, source FROM contact_changes WHERE layer = ? AND edit <= ? "
+        "GROUP BY t_us HAVING kind IS NULL AND source IS NOT NULL ORDER BY t_us",
+        (layer, upto),
+    )
+    return [row[0] for row in rows]
+
+
 def current_contacts(db: sqlite3.Connection, layer: int, *, upto: int) -> list[tuple[int, Values]]:
     """(time, columns) of every contact of a layer as it was after the edit `upto`, by time."""
     if not holds_contacts(db):
@@ -62,10 +82,10 @@ def current_contacts(db: sqlite3.Connection, layer: int, *, upto: int) -> list[t
 
 
 def contact_at(db: sqlite3.Connection, layer: int, t_us: int, *, upto: int) -> Values | None:
-    """The contact of one time after the edit `upto`; None: there is none."""
+    """The contact or the rejection of one time after the edit `upto`; None: nothing is said of it."""
     row = db.execute(
         f"SELECT {LISTED_CONTACT} FROM contact_changes WHERE layer = ? AND t_us = ? AND edit <= ? "
         "ORDER BY edit DESC LIMIT 1",
         (layer, t_us, upto),
     ).fetchone()
-    return None if row is None or row[0] is None else row
+    return None if row is None or row == NO_CONTACT else row

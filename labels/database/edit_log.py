@@ -14,6 +14,7 @@ from labels.database.contact_rows import (
     NO_CONTACT,
     contact_at,
     values_of_contact,
+    values_of_rejection,
 )
 from labels.database.rows import COLUMNS, LISTED, NO_LABEL, Values, value_at, values_of
 from labels.database.schema import holds_contacts
@@ -115,14 +116,18 @@ def add_edit(
     made_at_us: int | None = None,
     put_contacts: Iterable[ContactLabel] = (),
     delete_contacts: Iterable[int] = (),
+    reject_contacts: Iterable[ContactLabel] = (),
 ) -> tuple[int, ...]:
     """One act of a person; returns the times it touches. Times without a label or contact are not deleted."""
     gone = [t_us for t_us in dict.fromkeys(delete) if value_at(db, writer.layer, t_us, upto=NEWEST) is not None]
     changes = [*((label.t_us, values_of(label)) for label in put), *((t_us, NO_LABEL) for t_us in gone)]
     ended = [
-        t_us for t_us in dict.fromkeys(delete_contacts) if contact_at(db, writer.layer, t_us, upto=NEWEST) is not None
+        t_us
+        for t_us in dict.fromkeys(delete_contacts)
+        if (values := contact_at(db, writer.layer, t_us, upto=NEWEST)) is not None and values[0] is not None
     ]
     contacts = [(contact.t_us, values_of_contact(contact)) for contact in put_contacts]
+    contacts += [(contact.t_us, values_of_rejection(contact)) for contact in reject_contacts]
     contacts += [(t_us, NO_CONTACT) for t_us in ended]
     if changes or contacts:
         edit = _add_row(db, writer, EDIT, None, made_at_us)

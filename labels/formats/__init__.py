@@ -14,6 +14,7 @@ from labels.formats.exchange import (
     register_label_format,
 )
 from labels.formats.label_studio import read_label_studio, write_label_studio
+from labels.formats.openttgames import read_openttgames, write_openttgames
 from labels.formats.plain_csv import read_csv, write_csv
 from labels.formats.plain_json import read_json, write_json
 from labels.formats.recording_group import read_hdf5, write_hdf5
@@ -29,6 +30,14 @@ register_label_format(
 )
 register_label_format("coco", write_coco, read_coco, "COCO", "COCO keypoints JSON", pictures=True, contacts=True)
 register_label_format("tracknet", write_tracknet, read_tracknet, "TrackNet", "TrackNetV2/V3 CSV", pictures=True)
+register_label_format(
+    "openttgames",
+    write_openttgames,
+    read_openttgames,
+    "OpenTTGames",
+    "OpenTTGames markup: ball_markup.json and events_markup.json",
+    contacts=True,
+)
 register_label_format("cvat", write_cvat, read_cvat, "CVAT", "CVAT XML 1.1 for images", pictures=True)
 register_label_format(
     "label-studio",

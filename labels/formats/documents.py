@@ -25,9 +25,10 @@ _TOKENS = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\n]', re.DOTALL)
 
 
 class JsonObject(dict[str, object]):
-    """A JSON object; `line` is where it begins."""
+    """A JSON object; `line` is where it begins, `repeated` how many of its keys stand there again."""
 
     line: int = 1
+    repeated: int = 0
 
 
 def parse_json(text: str) -> object:
@@ -40,7 +41,7 @@ def parse_json(text: str) -> object:
 
     def make(pairs: list[tuple[str, object]]) -> JsonObject:
         made = JsonObject(pairs)
-        made.line = next(lines, 1)
+        made.line, made.repeated = next(lines, 1), len(pairs) - len(made)
         return made
 
     try:

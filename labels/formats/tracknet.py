@@ -8,6 +8,7 @@ these pictures. `frames.csv` beside it holds the time of each number.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,9 +75,14 @@ def write_tracknet(labels: LabelSet, folder: Path, options: ExportOptions) -> Ex
         text = [f"{value:.0f}" if options.whole_pixels or not found else f"{value:.3f}" for value in (x, y)]
         rows.append(f"{number},{int(found)},{text[0]},{text[1]}")
     main = write_text(folder / f"{camera_stem(labels.camera)}_ball.csv", "\n".join([",".join(HEADER), *rows, ""]))
-    times = [f"{number},{label.t_us}" for number, label in enumerate(labels.labels)]
-    frames = write_text(folder / FRAMES, "\n".join([",".join(FRAMES_HEADER), *times, ""]))
+    frames = write_frame_times(folder, [label.t_us for label in labels.labels])
     return Exported((main, frames), count_losses(losses))
+
+
+def write_frame_times(folder: Path, t_us: Sequence[int]) -> Path:
+    """`frames.csv`, which holds the time of each picture by its number from 0."""
+    rows = [f"{number},{time_us}" for number, time_us in enumerate(t_us)]
+    return write_text(folder / FRAMES, "\n".join([",".join(FRAMES_HEADER), *rows, ""]))
 
 
 def read_tracknet(path: Path, context: ImportContext) -> Imported:
@@ -95,7 +101,7 @@ def read_tracknet(path: Path, context: ImportContext) -> Imported:
     for table in tables:
         folder = table.file.parent
         if folder not in times:
-            times[folder] = _read_times(folder / FRAMES, collector) if (folder / FRAMES).is_file() else None
+            times[folder] = read_frame_times(folder / FRAMES, collector) if (folder / FRAMES).is_file() else None
         if same.accept(table.file, collector) and _size_fits(table, pictures, context, collector):
             _read_table(table, times[folder], context, collector)
     return collector.done()
@@ -257,7 +263,8 @@ def _label_of(fields: list[str], columns: _Columns, t_us: int, context: ImportCo
     return context.ball(t_us, hidden[visibility], x, y, None)
 
 
-def _read_times(file: Path, collector: Collector) -> dict[int, int]:
+def read_frame_times(file: Path, collector: Collector) -> dict[int, int]:
+    """Time of each picture by its number, us; rows that say none are rejected."""
     text = read_text(file, collector)
     rows = list(table_rows(text or "", file, collector))
     if not rows or [name.strip() for name in rows[0][1]] != FRAMES_HEADER:

@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 
 from core.errors import LabelError
+from core.physics.config import Profile
+from core.physics.episode import Serves
+from core.physics.task import task_profile
 from core.recordings.truth import BallTruth
+from core.simulation.episodes.episode_path import trace_episode
 from labels.contacts import (
     contacts_of_truth,
     find_contact_conflicts,
@@ -68,6 +72,26 @@ def test_undo_and_redo_cover_contacts_and_labels_alike(tmp_path: Path) -> None:
         assert store.edit(delete_contacts=[999]) == 0
         with pytest.raises(LabelError, match="two things about the same time"):
             store.edit(put_contacts=[contact(1)], delete_contacts=[1])
+
+
+def test_a_rejection_is_no_contact_and_a_step_of_undo(tmp_path: Path) -> None:
+    with LabelStore.open(tmp_path, "rec", "left", "anna") as store:
+        store.edit(reject_contacts=[contact(70, HIT)])
+        assert (store.contacts(), store.rejected_contacts()) == ((), (70,))
+        assert store.edit(delete_contacts=[70]) == 0 and store.rejected_contacts() == (70,)
+        store.undo()
+        assert store.rejected_contacts() == ()
+        store.redo()
+        store.edit(put_contacts=[contact(70)])
+        assert times(store) == [70] and store.rejected_contacts() == ()
+        store.undo()
+        assert times(store) == [] and store.rejected_contacts() == (70,)
+        with pytest.raises(LabelError, match="two things about the same time"):
+            store.edit(put_contacts=[contact(1)], reject_contacts=[contact(1)])
+        path = store.path
+    assert read_store(path).contacts[Layer("rec", "left", "anna")] == ()
+    with LabelStore.read(tmp_path, Layer("rec", "left", "anna")) as store:
+        assert store.rejected_contacts() == (70,)
 
 
 def test_undo_leaves_a_contact_that_another_session_has_changed_since(tmp_path: Path) -> None:
@@ -150,6 +174,18 @@ def test_agreement_and_score_have_known_values() -> None:
     (nothing,) = score_contacts([], [])
     assert np.isnan(nothing.precision) and np.isnan(nothing.time.median_us)
     assert find_contact_conflicts("left", ("a", "b"), (mine, mine)) == ()
+
+
+@pytest.mark.parametrize("profile", ["paper", "real"])
+def test_a_touch_of_the_net_in_a_simulated_path_is_a_contact_of_its_truth(profile: Profile) -> None:
+    launch = Serves(np.array([[1.0, 0.0, 0.15]]), np.array([[-5.0, 0.3, 0.0]]), np.zeros((1, 3)))
+    path = trace_episode(launch, None, task_profile(profile), duration_s=1.0)
+    t_us = np.arange(0, round(path.end_s * 1e6), 500)
+    states = path.at(t_us * 1e-6)
+    truth = BallTruth(t_us, states[:, :3], states[:, 3:6], states[:, 6:], np.ones(len(t_us), np.bool_))
+    found = contacts_of_truth(truth)
+    assert [one.kind for one in found][:3] == [BOUNCE, NET, BOUNCE]
+    assert [one.t_us for one in found] == pytest.approx([1e6 * one.t_s for one in path.events[1:]], abs=2)
 
 
 def test_contacts_of_the_truth_are_where_the_path_turns() -> None:

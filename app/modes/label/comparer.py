@@ -7,6 +7,7 @@ import threading
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import reduce
 from pathlib import Path
 from typing import Final
 
@@ -16,6 +17,7 @@ from app.modes.label.editor import LabelEditor
 from app.modes.label.labelling import Labelling
 from core.errors import LabelError, RallyscopeError
 from labels.arrays import LabelArrays, label_arrays
+from labels.contacts import join_contacts
 from labels.database.folder import FILE
 from labels.store import LabelStore, Layer, find_layers, has_labels
 from labels.store_contents import StoreContents, layers_of_store, read_store
@@ -143,6 +145,8 @@ class CompareAsk:
     layer: Layer
     """One's own."""
     mine: LabelsOf
+    cameras: tuple[str, ...]
+    """Those whose layers may hold contacts."""
     duration_us: int
     known: Versions | None
     """What was compared last: if both are still the same, there is no other answer."""
@@ -172,8 +176,8 @@ class LabelComparer:
         self._file: tuple[object, StoreContents] | None = None
         self._of_file: tuple[object, LabelsOf] | None = None
         """What was read last of a file, and the layer of it that was compared last."""
-        self._store: LabelStore | None = None
-        """The other's layer in one's own store. It is closed when nobody holds any of its labels any more."""
+        self._stores_read: dict[Layer, LabelStore] = {}
+        """The other's layers in one's own store. They are closed when nobody holds any of their labels any more."""
         self._compared_s = self._listed_s = float("-inf")
         later = editor.callbacks.later
         self._listing = LatestWins(pool, self._list, lambda _, found: later(lambda: self._offer(found)), lambda _: None)
@@ -235,7 +239,7 @@ class LabelComparer:
         if isinstance(other, RefusedStore):
             return refusal(other, ask.layer.recording_uuid)
         try:
-            theirs, mark, notes = self._their_labels(other, ask.layer)
+            theirs, mark, notes = self._their_labels(other, ask)
         except LabelError as error:
             return error if other.path is None else _named(error, other.path)
         versions = ask.mine.arrays, mark
@@ -243,17 +247,25 @@ class LabelComparer:
             return None
         return compare_labels(camera, other.title, ask.mine, theirs, ask.duration_us), versions, notes
 
-    def _their_labels(self, other: OtherLabels, layer: Layer) -> tuple[LabelsOf, object, tuple[str, ...]]:
+    def _their_labels(self, other: OtherLabels, ask: CompareAsk) -> tuple[LabelsOf, object, tuple[str, ...]]:
         if other.path is not None:
-            return self._labels_in_file(other, other.path, layer)
-        wanted = replace(layer, annotator=other.annotator)
-        if self._store is None or self._store.layer != wanted:
-            if not has_labels(self._labels, wanted):
-                return LabelsOf(other.annotator, {}, label_arrays(())), None, ()
-            self._store = LabelStore.read(self._labels, wanted, follow=True)
-        store = self._store
-        version = store.version  # first: what is written meanwhile is seen by the next look
-        return LabelsOf(other.annotator, store.by_time(), store.labels()), version, store.notes
+            return self._labels_in_file(other, other.path, ask.layer)
+        wanted = replace(ask.layer, annotator=other.annotator)
+        layers = [replace(wanted, camera=camera) for camera in ask.cameras]
+        known = self._stores_read
+        self._stores_read = {
+            layer: known.get(layer) or LabelStore.read(self._labels, layer, follow=True)
+            for layer in layers
+            if layer in known or has_labels(self._labels, layer)
+        }
+        stores = self._stores_read
+        # First: what is written meanwhile is seen by the next look.
+        versions = tuple((layer, store.version) for layer, store in stores.items())
+        contacts = reduce(join_contacts, (store.contacts() for store in stores.values()), ())
+        if wanted not in stores:
+            return LabelsOf(other.annotator, {}, label_arrays(()), contacts), versions, ()
+        store = stores[wanted]
+        return LabelsOf(other.annotator, store.by_time(), store.labels(), contacts), versions, store.notes
 
     def _labels_in_file(self, other: OtherLabels, path: Path, layer: Layer) -> tuple[LabelsOf, object, tuple[str, ...]]:
         """Read anew when the file or its log has changed."""
@@ -266,7 +278,9 @@ class LabelComparer:
         contents, wanted = self._file[1], replace(layer, annotator=other.annotator)
         if self._of_file is None or self._of_file[0] != (mark, wanted):
             labels = contents.layers.get(wanted, {})
-            self._of_file = (mark, wanted), LabelsOf(other.annotator, labels, label_arrays(labels.values()))
+            own = [those for of, those in contents.contacts.items() if replace(of, camera=wanted.camera) == wanted]
+            contacts = reduce(join_contacts, own, ())
+            self._of_file = (mark, wanted), LabelsOf(other.annotator, labels, label_arrays(labels.values()), contacts)
         notes = tuple(note.replace(str(path), path.name) for note in contents.notes)
         return self._of_file[1], (mark, wanted), notes
 
@@ -309,7 +323,8 @@ def refusal(store: RefusedStore, recording_uuid: str) -> LabelError:
 
 def _ask(now: Labelling, other: Offered, known: Versions | None) -> CompareAsk:
     mine = LabelsOf(now.view.annotator, now.here.labels, now.here.arrays)
-    return CompareAsk(other, replace(now.layer, blind=False), mine, now.recording.duration_us, known)
+    layer = replace(now.layer, blind=False)
+    return CompareAsk(other, layer, mine, tuple(now.sources), now.recording.duration_us, known)
 
 
 def _of_another(path: Path, expected: str, got: str) -> LabelError:

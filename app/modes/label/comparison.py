@@ -15,19 +15,21 @@ from app.pictures.palette import PaletteIndex
 from core.text import plain
 from labels.arrays import SOURCES, LabelArrays
 from labels.conflicts import compare_layers, settled_by
-from labels.model import Label, PositionSource
+from labels.model import ContactLabel, Label, PositionSource
 
 _RESOLVED = SOURCES.index(PositionSource.SETTLED)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LabelsOf:
-    """The labels of one annotator for one camera: a snapshot."""
+    """The labels of one annotator for one camera, and the contacts: a snapshot."""
 
     annotator: str
     labels: Mapping[int, Label]
     """By time."""
     arrays: LabelArrays
+    contacts: tuple[ContactLabel, ...] = ()
+    """Bounces, hits and net touches of all cameras' layers, by time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

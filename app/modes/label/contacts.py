@@ -9,19 +9,22 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 from app.formatting import html_text, table_row
+from app.modes.label.comparison import short_name
 from app.modes.label.editor import LabelEditor
 from app.modes.label.label_changes import ShownPicture
 from app.modes.label.labelling import Labelling
 from app.panels.time_bar import ContactMark
+from app.pictures.palette import PaletteIndex
+from app.views.mosaic import css_colour
 from core.cameras import Camera
 from labels.assist import Proposals
 from labels.assist.contact_proposals import propose_contacts
 from labels.assist.propose import joined_proposals
-from labels.contacts import MATCH_US, new_contacts
+from labels.contacts import MATCH_US, WITHIN_US, contacts_differ, match_contacts, new_contacts
 from labels.model import ContactKind, ContactLabel, PositionSource
 from labels.store import LabelStore
 
@@ -29,6 +32,7 @@ SEARCH_EVERY_US: Final = 500_000
 """So much more has the detector been through before contacts are looked for again."""
 CONTEXT_US: Final = 1_000_000
 """Path before that, which is looked at with it: a contact is judged by the flights on both its sides."""
+THEIRS: Final = css_colour(PaletteIndex.THEIRS, "orange / blue")
 NO_CONTACTS: Final = (
     "No proposed contact",
     "I runs the detector from the cursor on; two calibrated cameras are needed.",
@@ -59,8 +63,47 @@ def contact_by_hand(kind: ContactKind, before: ContactLabel | None, picture: Sho
 
 
 def open_proposals(now: Labelling) -> tuple[ContactLabel, ...]:
-    """The proposed contacts that are not labelled, by time."""
-    return () if now.view.repeat else new_contacts(now.proposed_contacts, now.contacts)
+    """The proposed contacts that are neither labelled nor rejected, by time."""
+    if now.view.repeat:
+        return ()
+    rejected_us = [t_us for work in now.works.values() for t_us in work.no_contacts_us]
+    waiting = new_contacts(now.proposed_contacts, now.contacts)
+    # Another run finds the same kink some microseconds off: what was rejected is the event, not its time.
+    return tuple(one for one in waiting if all(abs(one.t_us - t_us) > MATCH_US for t_us in rejected_us))
+
+
+@dataclass(frozen=True, slots=True)
+class ContactDifferences:
+    """What another annotator says about contacts, beside what is labelled here."""
+
+    annotator: str
+    conflicts: tuple[tuple[ContactLabel, ContactLabel], ...]
+    """One's own and the other's, of one event, by time."""
+    only_mine: int
+    only_theirs: tuple[ContactLabel, ...]
+
+    @property
+    def theirs(self) -> tuple[ContactLabel, ...]:
+        """Those of the other that are seen beside one's own, by time."""
+        both = (*(theirs for _, theirs in self.conflicts), *self.only_theirs)
+        return tuple(sorted(both, key=lambda contact: contact.t_us))
+
+
+def contact_differences(now: Labelling) -> ContactDifferences | None:
+    """Beside whom one compares with; None if that is nobody."""
+    compared = now.compared_here
+    if compared is None:
+        return None
+    theirs = compared.theirs.contacts
+    pairs = match_contacts(now.contacts, theirs)
+    matched = {row for _, row in pairs}
+    both = ((now.contacts[mine], theirs[row]) for mine, row in pairs)
+    return ContactDifferences(
+        compared.theirs.annotator,
+        tuple((mine, other) for mine, other in both if contacts_differ(mine, other)),
+        only_mine=len(now.contacts) - len(pairs),
+        only_theirs=tuple(contact for row, contact in enumerate(theirs) if row not in matched),
+    )
 
 
 # What a person does -----------------------------------------------------------------------------------------------
@@ -84,9 +127,12 @@ def set_contact(editor: LabelEditor, kind: ContactKind) -> None:
 
 
 def remove_contact(editor: LabelEditor) -> None:
-    """There is no contact within 10 ms of the cursor."""
+    """There is no contact within 10 ms of the cursor: remove the labelled one, or else reject the proposed one."""
     now = editor.labelling
-    if contact_near(now.contacts, now.t_us) is None or now.view.repeat:
+    if now.view.repeat:
+        return
+    if contact_near(now.contacts, now.t_us) is None:
+        _reject_contact(editor)
         return
 
     def change(store: LabelStore) -> tuple[int, ...]:
@@ -97,9 +143,31 @@ def remove_contact(editor: LabelEditor) -> None:
     _write(editor, _holder(now), change)
 
 
-def accept_contact(editor: LabelEditor) -> None:
-    """Label the contact that is proposed within 10 ms of the cursor, and go to the next; from elsewhere only go."""
+def _reject_contact(editor: LabelEditor) -> None:
+    """What is proposed within 10 ms of the cursor is wrong: it is not proposed again. Go to the next."""
     now, waiting, picture = editor.labelling, open_proposals(editor.labelling), _picture(editor)
+    found = contact_near(waiting, now.t_us)
+    if found is None or picture is None:
+        return
+    made = picture.provenance(PositionSource.BY_HAND, found.provenance.detector)
+    wrong = replace(found, provenance=made)
+
+    def change(store: LabelStore) -> tuple[int, ...]:
+        store.edit(reject_contacts=(wrong,))
+        return (wrong.t_us,)
+
+    if _write(editor, now.view.camera, change):
+        _go_to_next(editor, [contact for contact in waiting if contact is not found])
+
+
+def accept_contact(editor: LabelEditor) -> None:
+    """Label the contact that is proposed within 10 ms of the cursor, and go to the next; from elsewhere only go.
+
+    One that only the annotator has with whom one compares is taken over as that made it.
+    """
+    now, differences, picture = editor.labelling, contact_differences(editor.labelling), _picture(editor)
+    theirs = () if differences is None else differences.only_theirs
+    waiting = (*open_proposals(now), *theirs)
     found = contact_near(waiting, now.t_us)
     if not waiting:
         editor.note(*NO_CONTACTS)
@@ -108,7 +176,7 @@ def accept_contact(editor: LabelEditor) -> None:
         if picture is None:
             return  # what is not on the screen is not judged
         provenance = picture.provenance(PositionSource.ACCEPTED, found.provenance.detector)
-        accepted = replace(found, provenance=provenance)
+        accepted = found if any(found is one for one in theirs) else replace(found, provenance=provenance)
 
         def change(store: LabelStore) -> tuple[int, ...]:
             if not new_contacts((accepted,), store.contacts()):
@@ -122,9 +190,10 @@ def accept_contact(editor: LabelEditor) -> None:
 
 
 def next_contact(editor: LabelEditor) -> None:
-    """Go to the next contact, labelled or proposed; from the last to the first."""
+    """Go to the next contact, labelled, proposed or another's; from the last to the first."""
     now = editor.labelling
-    known = [*now.contacts, *open_proposals(now)]
+    differences = contact_differences(now)
+    known = [*now.contacts, *open_proposals(now), *(() if differences is None else differences.theirs)]
     if not known:
         editor.note("No contact yet", "Shift T, O or M marks a bounce, hit or net touch here; I looks for them.")
     _go_to_next(editor, known)
@@ -192,25 +261,33 @@ class ContactSearch:
 
 
 def contact_marks(now: Labelling) -> tuple[ContactMark, ...]:
-    """What the time bar draws: labelled contacts, and pale the proposed ones."""
+    """What the time bar draws: labelled contacts, and pale the proposed ones, and those that another says otherwise."""
+    differences = contact_differences(now)
+    pale = (*open_proposals(now), *(() if differences is None else differences.theirs))
     labelled = (ContactMark(one.t_us, one.sigma_us or 0.0, str(one.kind), False) for one in now.contacts)
-    return *labelled, *(ContactMark(one.t_us, one.sigma_us or 0.0, str(one.kind), True) for one in open_proposals(now))
+    return *labelled, *(ContactMark(one.t_us, one.sigma_us or 0.0, str(one.kind), True) for one in pale)
 
 
 def contacts_html(now: Labelling) -> str:
     """The list of the panel: a click on a time goes there, the contact at the cursor is set off."""
-    waiting = open_proposals(now)
-    shown = sorted((*now.contacts, *waiting), key=lambda contact: contact.t_us)
+    waiting, differences = open_proposals(now), contact_differences(now)
+    theirs = () if differences is None else differences.theirs
+    shown = sorted((*now.contacts, *waiting, *theirs), key=lambda contact: contact.t_us)
     here = contact_near(shown, now.t_us)
     rows = []
     for contact in shown:
         style = "opacity:.55" if any(contact is one for one in waiting) else ""
         style += ";background:#3a3326" if contact is here else ""
+        style += f";color:{THEIRS}" if any(contact is one for one in theirs) else ""
         link = f"<button type='button' class='rallyscope-seek' data-rallyscope-seek='{contact.t_us}'>"
         time_html = f"{link}{contact.t_us / 1e6:.6f} s</button>"
         cells = time_html, str(contact.kind), _sigma_text(contact), _origin(contact, style)
         rows.append(table_row(cells, "padding:0 8px 0 0;vertical-align:top", row_style=style))
     count = f"{len(now.contacts)} labelled, {len(waiting)} proposed"
+    if differences is not None:
+        name = html_text(short_name(differences.annotator))
+        count += f"<br>beside {name}: {len(differences.conflicts)} differ (kind, or over {WITHIN_US / 1e3:g} ms)"
+        count += f", {differences.only_mine} only yours, {len(differences.only_theirs)} only {name}'s"
     table = f"<table>{''.join(rows)}</table>"
     return f"<div style='font-size:12.5px;padding:2px 12px;max-height:180px;overflow-y:auto'>{count}{table}</div>"
 

@@ -26,7 +26,9 @@ class ContactsPanel:
         gui = host.client.gui
         with gui.add_folder("Bounces, hits and net"):
             kinds = gui.add_button_group("Here is a", tuple(SET), hint="Shift T, O, M; one within 10 ms moves here")
-            change = gui.add_button_group("Contact", tuple(CHANGE), hint="Shift Enter, Shift L, Shift Delete")
+            change = gui.add_button_group(
+                "Contact", tuple(CHANGE), hint="Shift Enter, Shift L, Shift Delete: removes, or rejects"
+            )
             self._list = gui.add_html("")
 
         @kinds.on_click
@@ -43,7 +45,9 @@ class ContactsPanel:
 
     def show(self, now: Labelling) -> None:
         """List and mark the contacts, if something has changed since the last turn."""
-        known = (now.contacts, now.proposed_contacts, now.view.repeat)
+        rejected_us = tuple(work.no_contacts_us for work in now.works.values())
+        theirs = None if now.compared_here is None else now.compared_here.theirs.contacts
+        known = (now.contacts, now.proposed_contacts, now.view.repeat, rejected_us, theirs)
         if known != self._marked:
             self._marked = known
             self._host.show_contacts(contact_marks(now))

@@ -436,6 +436,7 @@ class LabelEditor:
             arrays=saved.arrays,
             rejected=saved.rejected,
             contacts=saved.contacts,
+            no_contacts_us=saved.no_contacts_us,
         )
         works = {**now.works, layer.camera: known}
         self.labelling = replace(

@@ -20,6 +20,8 @@ from labels.model import ContactKind, LabelState
 
 Modifier = Literal["shift"]
 
+NO_CONTACT: Final = "No bounce, hit or net touch here: remove it, or reject the proposed one"
+
 KEYS: Final[tuple[tuple[str, Modifier | None, str, str], ...]] = (
     ("space", None, "accept", "Accept the proposal; next time"),
     ("enter", None, "accept_segment", "Accept the proposals around the cursor that lie on one smooth path"),
@@ -49,8 +51,8 @@ KEYS: Final[tuple[tuple[str, Modifier | None, str, str], ...]] = (
     ("M", "shift", "net", "A touch of the net is here, or moves here"),
     ("enter", "shift", "accept_contact", "Accept the proposed bounce, hit or net touch; next proposed one"),
     ("L", "shift", "next_contact", "Next bounce, hit or net touch, labelled or proposed"),
-    ("delete", "shift", "remove_contact", "No bounce, hit or net touch here"),
-    ("backspace", "shift", "remove_contact", "No bounce, hit or net touch here"),
+    ("delete", "shift", "remove_contact", NO_CONTACT),
+    ("backspace", "shift", "remove_contact", NO_CONTACT),
     ("Y", None, "up", "Nudge up 0.25 px (with Shift 1 px)"),
     ("B", None, "down", "Nudge down"),
     ("G", None, "left", "Nudge left"),

@@ -36,6 +36,8 @@ class Saved:
     """(time, detector) of the proposals that were found wrong."""
     contacts: tuple[ContactLabel, ...] = ()
     """Bounces, hits and net touches, by time."""
+    no_contacts_us: tuple[int, ...] = ()
+    """Times at which one was proposed and found wrong, ascending."""
 
 
 Change = Callable[[LabelStore], tuple[int, ...]]
@@ -166,4 +168,5 @@ def _answer(layer: Layer, store: LabelStore, touched: tuple[int, ...]) -> Saved:
     version = store.version  # first: what is written meanwhile by others is seen by the next look
     undo, redo = store.can_undo, store.can_redo
     labels, arrays, rejected, contacts = store.by_time(), store.labels(), store.rejected(), store.contacts()
-    return Saved(layer, labels, arrays, touched, undo, redo, store.notes, version, rejected, contacts)
+    no_contacts_us = store.rejected_contacts()
+    return Saved(layer, labels, arrays, touched, undo, redo, store.notes, version, rejected, contacts, no_contacts_us)

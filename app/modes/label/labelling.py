@@ -56,6 +56,8 @@ class LabelView:
     """Show the other cameras' rays, where they have the ball together, and how well they agree."""
     centre_px: tuple[float, float] | None = None
     """Centre of a zoomed picture, where nothing is known of the ball."""
+    in_space: bool = False
+    """Show the events round the cursor in space and time instead of as pictures."""
     repeat: bool = False
     """A repeat annotation: the label is asked for again, without showing it."""
 
@@ -117,6 +119,8 @@ class CameraWork:
     """(time, detector) of proposals that were found wrong."""
     contacts: tuple[ContactLabel, ...] = ()
     """Bounces, hits and net touches of the camera's layer, by time."""
+    no_contacts_us: tuple[int, ...] = ()
+    """Times at which one was proposed and found wrong, ascending."""
 
     def draft(self, t_us: int) -> ProposedLabel | None:
         """What is proposed where nothing is labelled or rejected."""
@@ -233,6 +237,11 @@ class Labelling:
     def on_screen(self) -> bool:
         """What the cursor points at is what the person sees: only that can be judged."""
         return self.shown is not None and self.shown.t_us == self.t_us and self.shown.main.camera == self.view.camera
+
+    @property
+    def shows_space(self) -> bool:
+        """Whether events in space and time are shown; a camera with frames has none."""
+        return self.view.in_space and self.source.stream is not None
 
     @property
     def asking(self) -> UnfitClick | None:

@@ -35,6 +35,7 @@ from app.modes.label.pictures import LabelMosaic, LabelPictures
 from app.modes.label.plan import LabelScene
 from app.modes.label.results import LabelResults
 from app.modes.label.sightings import CameraAgreement, agreement_at, draft_at, expected_at
+from app.modes.label.space import LabelSpaceView
 from app.modes.label.status import (
     Checked,
     checked_of,
@@ -52,8 +53,8 @@ from app.modes.mode import Middle, ModeHost
 from app.panels.time_bar import runs_of_times
 from app.pictures.canvas import RENDERINGS
 from app.pictures.palette import PaletteIndex
-from app.state.client_state import ClientState
-from app.state.commands import Seek, SetRendering, SetStep, SignIn
+from app.state.client_state import ClientState, PickedPoint
+from app.state.commands import PickCluster, Seek, SetRendering, SetStep, SignIn
 from app.views.image_view import DragPhase
 from core.errors import CommandError
 from core.live.ring_recording import RingRecording
@@ -110,6 +111,8 @@ class LabelMode:
             self._picture_failed,
             host.plane.freshness,
         )
+        self._space = LabelSpaceView(host, lambda shown: self._panel.show_space_note(shown.note), self._picture_failed)
+        self._was_in_space = False
         self._search = BallSearch(host.pool, host.later, self._pictures.move_to, self._failed)
         actions = PanelActions(
             act=lambda name: host.later(lambda: self._act(name)),
@@ -132,8 +135,8 @@ class LabelMode:
 
     @property
     def middle(self) -> Middle:
-        """Label has a sheet of its own in the middle."""
-        return "sheet"
+        """Label has a sheet of its own in the middle, or the events round the cursor in space and time."""
+        return "space" if self._editor is not None and self._editor.labelling.shows_space else "sheet"
 
     def show(self, active: bool) -> None:
         """Show the controls or hide them."""
@@ -144,8 +147,10 @@ class LabelMode:
         plane = self._host.plane
         plane.with_panel = not active
         plane.on_drag = self._dragged if active else None
+        self._host.space.on_pick = (lambda point: self._host.later(lambda: self._pick(point))) if active else None
         self._status = None
         self._pictures.ask_again()
+        self._space.forget()
         if not active:
             self._live.forget()
         if active and not self._step_chosen:
@@ -195,7 +200,14 @@ class LabelMode:
             words = (*words, (NOT_FOUND, PaletteIndex.NO_BALL))
         if isinstance(self._recording, RingRecording):
             words = live_words(self._live.share)
-        self._pictures.ask(editor, scene, words, wall_s)
+        if now.shows_space != self._was_in_space:
+            self._was_in_space = now.shows_space
+            self._pictures.ask_again()
+            self._space.forget()
+        if now.shows_space:
+            self._space.ask(scene, self._pictures.centre, wall_s)
+        else:
+            self._pictures.ask(editor, scene, words, wall_s)
         self._show_in_time_bar(editor, wall_s)
         self._show_status(editor)
         self._contacts.show(now)
@@ -225,16 +237,27 @@ class LabelMode:
             share = (x - shown.strip.x) / shown.strip.width
             editor.go_to(strip_time(0, editor.labelling.recording.duration_us, share))
         elif (point := shown.overview.sensor_point(x, y)) is not None:
-            editor.change_view({"centre_px": point, "zoom": max(editor.labelling.view.zoom, ZOOMS[1])})
-            self._pictures.look_at(point)
+            self._look_at(editor, point)
         else:
             for camera, tile in shown.others:
                 if tile.sensor_point(x, y) is not None:
                     editor.change_view({"camera": camera})
 
+    def _look_at(self, editor: LabelEditor, point: Point) -> None:
+        editor.change_view({"centre_px": point, "zoom": max(editor.labelling.view.zoom, ZOOMS[1])})
+        self._pictures.look_at(point)
+
+    def _pick(self, point: Point) -> None:
+        """An event in space was clicked: look there, and choose its cluster in Tune, too."""
+        if self._editor is not None and self._active:
+            now = self._editor.labelling
+            self._host.send(PickCluster(PickedPoint(now.view.camera, now.t_us, point)))
+            self._look_at(self._editor, point)
+
     def close(self) -> None:
         """The browser is gone."""
         self._pictures.close()
+        self._space.close()
         self._search.close()
         self._live.close()
         self._imports.close()

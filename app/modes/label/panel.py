@@ -9,6 +9,7 @@ from typing import Final
 
 import viser
 
+from app.formatting import html_text
 from app.modes.label.keys import KEYS, label_keys_html
 from app.modes.label.labelling import DEFAULT_ANNOTATOR, LABEL_STEPS_US, WINDOWS_US, ZOOMS, LabelView, UnfitClick
 from app.panels.time_bar import step_label
@@ -26,6 +27,8 @@ STATE_NAMES: Final = {
 
 ANNOTATOR: Final = "Annotator"
 """Label of the field with the annotator's name."""
+FLAT, IN_SPACE = "Picture", "3D"
+SPACE_HINT: Final = "3D: the events of the window and its neighbours in space and time, with the labels"
 ACCEPT_ALL_HINT: Final = "Accepts the proposals at this time. Labels in two cameras propose the ball in all others"
 
 RAYS_HINT: Final = "Shows the lines on which the other cameras see the ball, and how well all agree"
@@ -113,6 +116,10 @@ class LabelPanel:
         self._window = Choice(gui, "Window [ms]", windows, self._choose_window, hint="Keys 1 to 5")
         zooms = tuple("whole" if zoom == 1 else f"{zoom:g}x" for zoom in ZOOMS)
         self._zoom = Choice(gui, "Zoom", zooms, self._choose_zoom, hint="Keys 6 to 9")
+        self._space = Choice(
+            gui, "Show", (FLAT, IN_SPACE), lambda value: actions.change(in_space=value == IN_SPACE), hint=SPACE_HINT
+        )
+        self._space_note = gui.add_html("", visible=False)
         self._step = gui.add_dropdown(
             "Label every", [step_label(step) for step in LABEL_STEPS_US], hint="Step between the times to label"
         )
@@ -183,10 +190,16 @@ class LabelPanel:
         self._camera.show(view.camera)
         self._window.show(f"{view.window_us / 1e3:g}")
         self._zoom.show("whole" if view.zoom == 1 else f"{view.zoom:g}x")
+        self._space.show(IN_SPACE if view.in_space else FLAT)
+        self._space_note.visible = view.in_space
         if step_us in LABEL_STEPS_US:
             self._step.value = step_label(step_us)
         self._snap.value, self._advance.value = view.snap, view.advance
         self._follow.value, self._epipolar.value = view.follow, view.epipolar
+
+    def show_space_note(self, text: str) -> None:
+        """Say which events are shown in space and time."""
+        self._space_note.content = f"<div style='font-size:12px;padding:0 12px'>{html_text(text)}</div>"
 
     def show_name(self, name: str | None = None) -> None:
         """Let the annotator's field show this name; without one, the name that it showed before another was typed."""

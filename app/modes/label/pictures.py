@@ -190,6 +190,12 @@ class LabelPictures:
         """Whether what was asked for is still being drawn."""
         return self._work.busy
 
+    @property
+    def centre(self) -> Point:
+        """The middle of the zoomed picture; known once the cursor has arrived anywhere."""
+        assert self._centre is not None
+        return self._centre
+
     def begin(self) -> None:
         """Another recording is labelled."""
         self._cache = PictureCache()

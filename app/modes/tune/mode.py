@@ -17,9 +17,8 @@ from app.modes.tune.run_score import RunScore, score_run
 from app.modes.tune.settings import ConfigFilesPanel, SettingsPanel, TuneViewPanel, detect_command
 from app.modes.tune.verdict_line import ScoredConfig, VerdictLine
 from app.panels.time_bar import Runs, runs_of_verdicts
-from app.scene.space_time import SpaceTimeScene
-from app.state.client_state import SLOTS, ClientState, Slot
-from app.state.commands import BeginScore, Command, LookAt, SetMode, UseConfig
+from app.state.client_state import SLOTS, ClientState, PickedPoint, Slot
+from app.state.commands import BeginScore, Command, PickCluster, SetMode, UseConfig
 from app.state.config_words import config_words
 from app.views.answer_cache import AnswerCache
 from app.views.methods_picture import MethodsRequest, answer_methods
@@ -53,11 +52,8 @@ class TuneMode:
         self._answers = AnswerCache()
         self._last_px: dict[str, tuple[float, float]] = {}
         """Last position of the ball, by camera."""
-        self._picked: tuple[int, tuple[float, float]] | None = None
-        """The time and place of the last click into the picture."""
         self._known = KnownReferences()
         self._pictures = LatestWins(host.pool, _answer, self._picture_done, self._picture_failed)
-        self._space = SpaceTimeScene(host.client, lambda point: host.later(lambda: self._pick(point)))
         gui = host.client.gui
         self._view = TuneViewPanel(gui, self._send)
         self._settings = SettingsPanel(gui, self._send)
@@ -96,7 +92,7 @@ class TuneMode:
         self._known.clear()  # labels may have changed
         if not active:
             self._verdicts.follow(None)
-            self._space.set_visible(False)
+        self._host.space.on_pick = (lambda point: self._host.later(lambda: self._pick(point))) if active else None
         self._shown = self._requested = None
         self._progress_s = self._offered_s = float("-inf")
 
@@ -133,8 +129,6 @@ class TuneMode:
             self._host.send(BeginScore())
             self._score.cancel()
             self._start_score(state.score_by)
-        self._space.set_visible(state.tune.shows_space)
-        self._space.stand(self._host.plane.aspect, self._host.plane.panel_share)
         self._settings.tick(wall_s)
         self._auto.tick(wall_s)
         self._compare.tick(wall_s)
@@ -148,8 +142,9 @@ class TuneMode:
             self._pick(point)
 
     def _pick(self, point: tuple[float, float]) -> None:
-        self._host.send(LookAt(point))
-        self._picked, self._requested = (self._now_us, point), None
+        state = self._host.state
+        if state is not None:
+            self._host.send(PickCluster(PickedPoint(state.camera, self._now_us, point)))
 
     def close(self) -> None:
         """The browser has disconnected."""
@@ -225,7 +220,7 @@ class TuneMode:
             self._host.plane.show(answer.sheet, request)
         else:
             self._host.plane.freshness.answered(request)
-            self._space.show(answer.space)
+            self._host.space.show(answer.space)
             self._view.show_note(answer.space.note)
         if isinstance(request, TuneRequest):
             for found in answer.found[:1]:
@@ -236,7 +231,8 @@ class TuneMode:
         with self._host.client.atomic():
             if isinstance(request, TuneRequest):
                 self._settings.show_trace(answer.found[names.index(request.view.slot)].trace)
-                picked_px = self._picked[1] if self._picked and self._picked[0] == request.t_us else None
+                picked, here = request.view.picked, (request.stream.name, request.t_us)
+                picked_px = picked.point_px if picked and (picked.camera, picked.t_us) == here else None
                 titled = zip((f"Config {name}" for name in names), answer.found, strict=True)
                 self._results.candidates.show(tuple(titled), answer.seconds, picked_px, answer.misses_px)
             else:

@@ -55,7 +55,11 @@ def common(recording: Path, data: Path) -> list[object]:
 
 
 @pytest.mark.parametrize(
-    "name", ["voc", "yolo", "yolo-pose", "coco", "tracknet", "cvat", "label-studio", "csv", "json", "hdf5", "sony"]
+    "name",
+    [
+        *("voc", "yolo", "yolo-pose", "coco", "tracknet", "openttgames", "cvat", "label-studio", "csv", "json"),
+        *("hdf5", "sony"),
+    ],
 )
 def test_labels_go_out_and_come_back(
     capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path, name: str

@@ -3,7 +3,7 @@ from dataclasses import replace
 import pytest
 
 from app.state import commands as c
-from app.state.client_state import ClientState, Configs, History, Playhead
+from app.state.client_state import ClientState, Configs, History, PickedPoint, Playhead
 from core.config import get_setting, replace_setting
 from core.detection import DetectorConfig, ebpp_config, refined_config
 from core.errors import ConfigError
@@ -27,6 +27,7 @@ def state() -> ClientState:
         c.SetMethod("yolo"),
         c.SetZoom(float("nan")),
         c.LookAt((float("inf"), 0.0)),
+        c.PickCluster(PickedPoint("left", 0, (float("nan"), 0.0))),
         c.SetStep(7),
         c.SetPlaybackSpeed(-1.0),
         c.SetCamera("../x"),
@@ -79,6 +80,15 @@ def test_another_camera_is_looked_at_as_a_whole(state: ClientState) -> None:
     zoomed = c.LookAt((3.0, 4.0)).apply(c.SetZoom(4.0).apply(state, 0.0), 0.0)
     assert zoomed.tune.centre_px == (3.0, 4.0)
     assert c.SetCamera("right").apply(zoomed, 0.0).tune == replace(zoomed.tune, centre_px=None)
+
+
+def test_a_chosen_cluster_is_known_in_every_mode_and_centres_the_zoom_of_its_own_camera(state: ClientState) -> None:
+    zoomed = c.SetZoom(4.0).apply(state, 0.0)
+    here, elsewhere = (PickedPoint(name, 9_000, (3.0, 4.0)) for name in ("left", "right"))
+    chosen = c.PickCluster(here).apply(zoomed, 0.0)
+    assert (chosen.tune.picked, chosen.tune.centre_px) == (here, (3.0, 4.0))
+    chosen = c.PickCluster(elsewhere).apply(zoomed, 0.0)
+    assert (chosen.tune.picked, chosen.tune.centre_px) == (elsewhere, None)
 
 
 def test_a_config_that_was_found_stands_beside_the_one_it_was_found_from(state: ClientState) -> None:

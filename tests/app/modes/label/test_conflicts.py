@@ -19,7 +19,7 @@ from app.modes.services import LABEL_TOOL
 from app.pictures.palette import PaletteIndex
 from core.recordings import open_recording
 from labels.conflicts import find_conflicts, how_settled
-from labels.model import Label, LabelState, PositionSource
+from labels.model import ContactKind, ContactLabel, Label, LabelState, PositionSource
 from labels.store import LabelStore, Layer
 from labels.store_contents import read_store
 from labels.store_registry import LabelStoreRegistry
@@ -140,6 +140,15 @@ def test_what_differs_is_counted_and_both_are_drawn(desk: Desk) -> None:
     assert [text for text, _ in plan.legend] == ["anna: visible, r 6.00 px", "bea: visible, r 8.00 px"]
     assert "0 of 4 settled" in panel_html(desk.work, "", (), waiting=True)
     assert desk.look(30_000).legend == () and len(desk.look(50_000).legend) == 2
+
+
+def test_the_others_contacts_come_from_all_cameras_and_what_is_added_later_is_seen(desk: Desk) -> None:
+    bounce, hit = ContactLabel(t_us=5_000, kind=ContactKind.BOUNCE), ContactLabel(t_us=90_000, kind=ContactKind.HIT)
+    times = lambda: [one.t_us for one in desk.found.theirs.contacts]  # noqa: E731
+    for camera, contact, expected in (("left", hit, [90_000]), ("right", bounce, [5_000, 90_000])):
+        with LabelStore.open(desk.root / "labels", desk.recording.uuid, camera, "bea") as store:
+            store.edit(put_contacts=[contact])
+        desk.wait(lambda expected=expected: times() == expected)
 
 
 def test_each_way_of_settling_is_an_edit_of_ones_own_that_says_so(desk: Desk) -> None:

@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.modes.label.comparison import LabelsOf, compare_labels
 from app.modes.label.contacts import (
     ContactSearch,
     contact_by_hand,
+    contact_differences,
     contact_marks,
     contacts_html,
     open_proposals,
@@ -23,6 +25,7 @@ from core.simulation.bodies.rally_flight import draw_flights
 from core.simulation.flights import LaunchConfig
 from core.simulation.scenes.scene import SceneConfig
 from core.simulation.truth import ball_truth, pixel_truths, truth_times
+from labels.arrays import label_arrays
 from labels.assist import Proposals
 from labels.contacts import contacts_of_truth, match_contacts
 from labels.model import ContactKind, ContactLabel, PositionSource, Provenance
@@ -51,6 +54,12 @@ def stored(bench: Bench, camera: str = "left") -> tuple[ContactLabel, ...]:
 
 def proposing(bench: Bench, *contacts: ContactLabel) -> None:
     bench.editor.labelling = replace(bench.work, proposed_contacts=contacts)
+
+
+def compare(bench: Bench, *theirs: ContactLabel) -> None:
+    now = bench.work
+    mine, bea = LabelsOf("anna", now.here.labels, now.here.arrays), LabelsOf("bea", {}, label_arrays(()), theirs)
+    bench.editor.compare_with(compare_labels("left", "bea", mine, bea, now.recording.duration_us))
 
 
 def test_a_key_marks_a_contact_at_the_shown_time_as_exactly_as_the_window_is_long(bench: Bench) -> None:
@@ -119,6 +128,61 @@ def test_one_key_accepts_a_proposal_and_goes_to_the_next(bench: Bench) -> None:
     bench.press("bounce")
     made = bench.work.contacts[0].provenance
     assert (made.source, made.detector) == (PositionSource.CORRECTED, "refined#1")
+
+
+def test_a_rejected_proposal_is_remembered_undone_and_not_proposed_by_the_next_run(
+    bench: Bench, serve_recording: Path
+) -> None:
+    later = replace(PROPOSED, t_us=BALL_US + 50_000)
+    proposing(bench, PROPOSED, later)
+    bench.look(PROPOSED.t_us)
+    bench.press("remove_contact")
+    assert open_proposals(bench.work) == (later,) and bench.work.t_us == later.t_us and stored(bench) == ()
+    again = replace(PROPOSED, t_us=PROPOSED.t_us + 900, provenance=Provenance(detector="auto#2"))
+    proposing(bench, again, later)
+    assert open_proposals(bench.work) == (later,), "another run finds the same kink a little later"
+    bench.press("undo")
+    assert open_proposals(bench.work) == (again, later) and bench.work.t_us == PROPOSED.t_us
+    bench.press("redo")
+    assert open_proposals(bench.work) == (later,)
+    reopened = Bench(bench.folder, serve_recording, session="another")
+    proposing(reopened, PROPOSED, later)
+    assert open_proposals(reopened.work) == (later,)
+    reopened.close()
+
+
+def test_what_was_rejected_can_still_be_marked_by_hand(bench: Bench) -> None:
+    proposing(bench, PROPOSED)
+    bench.look(PROPOSED.t_us)
+    bench.press("remove_contact", "hit")
+    assert [(one.t_us, one.kind) for one in stored(bench)] == [(PROPOSED.t_us, ContactKind.HIT)]
+    bench.press("undo")
+    assert stored(bench) == () and open_proposals(bench.work) == (), "it is rejected again"
+
+
+def test_another_annotators_contacts_are_seen_beside_ones_own_and_taken_over(bench: Bench) -> None:
+    bench.look(BALL_US)
+    bench.press("bounce")
+    made = Provenance(annotator="bea", source=PositionSource.BY_HAND, made_at_us=7)
+    same = ContactLabel(t_us=BALL_US + 900, kind=ContactKind.BOUNCE, provenance=made)
+    only = replace(same, t_us=BALL_US + 70_000, kind=ContactKind.NET)
+    compare(bench, same, only)
+    differences = contact_differences(bench.work)
+    assert differences is not None and (differences.conflicts, differences.only_theirs) == ((), (only,))
+    assert [(one.t_us, one.proposed) for one in contact_marks(bench.work)] == [(BALL_US, False), (only.t_us, True)]
+    shown = contacts_html(bench.work)
+    assert "beside bea: 0 differ" in shown and "0 only yours, 1 only bea" in shown and "bea, by hand" in shown
+    compare(bench, replace(same, kind=ContactKind.HIT), only)
+    differences = contact_differences(bench.work)
+    assert differences is not None and len(differences.conflicts) == 1
+    bench.look(BALL_US + 10_000)
+    bench.press("next_contact")
+    assert bench.work.t_us == only.t_us
+    bench.press("accept_contact")
+    taken = stored(bench)[1]
+    assert taken == replace(only, provenance=replace(made, tool=taken.provenance.tool))
+    bench.editor.begin_repeat(BALL_US)
+    assert contact_differences(bench.work) is None, "not in a second look"
 
 
 def test_the_next_contact_is_labelled_or_proposed_and_the_last_leads_to_the_first(bench: Bench) -> None:
