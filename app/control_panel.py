@@ -8,7 +8,7 @@ from typing import Protocol
 import viser
 
 from app import theme
-from app.panels.keys import add_keys, place_below_pictures, tour_button_html
+from app.panels.keys import add_keys, place_below_pictures, tour_buttons_html
 from app.panels.recording_info import RecordingInfo, RecordingInfoPanel
 from app.pictures.canvas import RENDERINGS
 from app.pictures.palette import POLARITY_COLOURS, PaletteIndex, PolarityColours, palette
@@ -36,6 +36,7 @@ class ControlPanelActions(Protocol):
     def open_recording(self, name: str) -> None: ...
     def show_files(self) -> None: ...
     def show_tour(self) -> None: ...
+    def show_lessons(self) -> None: ...
     def reframe(self) -> None: ...
 
 
@@ -64,8 +65,12 @@ class ControlPanel:
         self._picture = PicturePanel(gui, send)
         self._info = RecordingInfoPanel(gui)
         place_below_pictures(gui, self._info.panel)
-        gui.add_html(f"<div style='font-size:12.5px;padding:6px 12px'>{tour_button_html()}</div>", order=LAST)
-        palette = {"Open file...": actions.show_files, "Show the tour": actions.show_tour}
+        gui.add_html(f"<div style='font-size:12.5px;padding:6px 12px'>{tour_buttons_html()}</div>", order=LAST)
+        palette = {
+            "Open file...": actions.show_files,
+            "Show the tour": actions.show_tour,
+            "Lessons": actions.show_lessons,
+        }
         add_keys(gui, send_key, actions.reframe, palette)
         # Disabled until a recording is open.
         self._picture.folder.visible = self._info.panel.visible = False

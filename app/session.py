@@ -16,6 +16,8 @@ import viser
 from app.background.jobs import LatestWins
 from app.client_session import SessionPage
 from app.client_session.file_opening import FileOpening
+from app.client_session.lesson_card import Lessons
+from app.client_session.lesson_checks import LessonFacts, gather_facts
 from app.client_session.opening_moment import OpeningMoment
 from app.client_session.session_page import FrameThrottle
 from app.client_session.tour import Tour
@@ -131,6 +133,7 @@ class Session:
         self._active: ModeName | None = None
         self._files = FileOpening(self.page, services, pool, self)
         self._tour = Tour(self.page)
+        self._lessons = Lessons(self.page, self, self._lesson_facts)
         self.page.listen("drawing", self._pace.hear)
         self._opening = OpeningMoment(lambda: self.note(*SLOW_MOTION, "blue")) if self.page.is_new else None
         self._bar = TimeBar(self.page, self.send)
@@ -203,6 +206,15 @@ class Session:
         """Show the tour of this mode."""
         self._enqueue(self._tour.show)
 
+    def show_lessons(self) -> None:
+        """Show the lessons."""
+        self._enqueue(self._lessons.show)
+
+    def _lesson_facts(self) -> LessonFacts:
+        assert self._state is not None
+        now_us = self._state.playhead.position_us(time.monotonic())
+        return gather_facts(self._state, now_us, self._tracks.moments, self._modes)
+
     def play_when_open(self) -> None:
         """Play the next recording that is opened at once."""
         self._autoplay = True
@@ -262,7 +274,8 @@ class Session:
         self._bar.show(self._state, now_us, wall_s, visible=uses_time, keys=uses_time and not mode.takes_keys)
         self.page.tick(self._state, now_us, wall_s)
         self.page.show_keys(self._state.mode, moves_camera=mode.middle in ("world", "space"))
-        self._tour.tick(self._state.mode)
+        self._lessons.tick(wall_s)
+        self._tour.tick(self._state.mode, waits=self._lessons.is_shown)
         middle = mode.middle
         self.plane.set_visible(middle not in ("world", "space"))  # first: from then on it does not move the camera
         self.world.show(middle == "world")

@@ -56,6 +56,12 @@ TOURS: Final[Mapping[ModeName, tuple[TourStep, ...]]] = {
             "Each has a tour when you first open it.",
             "Mode",
         ),
+        TourStep(
+            "A first hour",
+            "Six lessons on the demo recording: find, tune, compare, label, train, export. Each takes some minutes, "
+            "and the app checks it. Press Lessons, now or later.",
+            "Lessons",
+        ),
     ),
     "Tune": (
         TourStep(
@@ -162,14 +168,14 @@ class Tour:
         self._number = 0
         page.listen("tour", self._on_message)
 
-    def tick(self, mode: ModeName) -> None:
-        """Update for the chosen mode."""
+    def tick(self, mode: ModeName, *, waits: bool = False) -> None:
+        """Update for the chosen mode; one that `waits`, for a lesson, does not open by itself."""
         if mode == self._mode:
             return
         self._mode = mode
         if self._shown is not None:  # going on with the app finishes the tour
             self._note(self._shown)
-        if self._by_itself and mode not in self._done:
+        if self._by_itself and mode not in self._done and not waits:
             self._show(mode)
         elif self._shown is not None:
             self._show(None)

@@ -84,10 +84,14 @@ def add_keys(
         when_triggered(gui.add_command(f"Mode: {mode}"), lambda mode=mode: send(SetMode(mode)))
 
 
-def tour_button_html() -> str:
-    """HTML of the tour's button, which the page's script handles."""
+def tour_buttons_html() -> str:
+    """HTML of the buttons of the tour and of the lessons, which the page's script handles."""
     style = "padding:2px 10px;border:1px solid #4a4e59;border-radius:4px;background:none;color:inherit;cursor:pointer"
-    return f"<button type='button' data-rallyscope='tour' style='{style}'>Show the tour</button>"
+    buttons = {"tour": "Show the tour", "lesson": "Lessons"}
+    return " ".join(
+        f"<button type='button' data-rallyscope='{name}' style='{style}'>{text}</button>"
+        for name, text in buttons.items()
+    )
 
 
 def keys_html() -> str:
@@ -101,7 +105,7 @@ def keys_html() -> str:
     frame = "<tr><td><b>F</b></td><td>Reset the picture's view</td></tr>"
     hint = f"Enter and Escape leave a field: then the keys work again. What the words mean: {PAGE}."
     return (
-        f"<div style='font-size:12.5px;padding:4px 12px'>{hint} {tour_button_html()}<table>{rows}{frame}</table></div>"
+        f"<div style='font-size:12.5px;padding:4px 12px'>{hint} {tour_buttons_html()}<table>{rows}{frame}</table></div>"
     )
 
 

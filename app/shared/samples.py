@@ -12,6 +12,8 @@ from typing import Final
 
 from app.shared.workspace import Workspace
 
+DEMO: Final = "demo"
+"""Name of the recording that the first start makes."""
 SIMULATED: Final = "simulated sample"
 PUBLIC: Final = "public sample"
 """What the folders are called in the list of files."""

@@ -14,6 +14,7 @@ from typing import Final, Literal
 
 from app.background.child import ChildProcess, share_in
 from app.shared.live_rally import LiveRally, SimulationProcess, join_simulation
+from app.shared.samples import DEMO
 from app.shared.workspace import Workspace
 from app.startup.chain import compile_chain, marker
 from core.errors import RallyscopeError
@@ -117,7 +118,6 @@ class Preparation:
             self._say(f"{step.title}: failed ({problem})")
 
 
-DEMO: Final = "demo"
 OWN_STEPS: Final = {
     "simulation": Step("Compiling the simulation", FIRST_ONLY),
     "chain": Step("Compiling the ball detector and the player", FIRST_ONLY),

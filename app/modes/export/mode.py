@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from app.export.exporter import ExportState
 from app.export.formats import FORMATS, ExportRequest, export, time_note
 from app.export.frozen import freeze
 from app.export.selection import Span, span_of
@@ -161,6 +162,12 @@ class ExportMode:
     def middle(self) -> Middle:
         """What is at the cursor: where a part begins and ends is found by looking."""
         return "world" if self._shots.rally is not None and self._plan.plan.of_view else "events"
+
+    @property
+    def latest(self) -> ExportState | None:
+        """The latest export, if this browser asked for it."""
+        latest = self._exporter.state()
+        return latest if latest is not None and latest.name in self._made_as else None
 
     @property
     def needs_tick(self) -> bool:

@@ -138,6 +138,16 @@ class LabelMode:
         """Label has a sheet of its own in the middle, or the events round the cursor in space and time."""
         return "space" if self._editor is not None and self._editor.labelling.shows_space else "sheet"
 
+    @property
+    def labelling(self) -> Labelling | None:
+        """What is labelled in the open recording; None before Label was entered."""
+        return None if self._editor is None else self._editor.labelling
+
+    @property
+    def is_saved(self) -> bool:
+        """Whether every change is on the disk."""
+        return self._editor is not None and self._editor.writer.failure is None and not self._editor.writer.waiting
+
     def show(self, active: bool) -> None:
         """Show the controls or hide them."""
         self._active = active

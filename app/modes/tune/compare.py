@@ -40,6 +40,11 @@ class CompareOverTime:
         self._side = CompareSidePanel(gui, later, lambda method, stretch: later(lambda: self._jump(method, stretch)))
 
     @property
+    def answer(self) -> CompareAnswer | None:
+        """The last result; None once another recording is open."""
+        return self._answer
+
+    @property
     def running(self) -> bool:
         """Whether a comparison is running."""
         return self._job.running

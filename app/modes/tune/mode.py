@@ -9,13 +9,13 @@ from app.background.jobs import LatestWins, LoopJob, Progress
 from app.modes.mode import Middle, ModeHost
 from app.modes.tune.auto_tune import AutoTune
 from app.modes.tune.compare import CompareOverTime
-from app.modes.tune.compare_run import KnownReferences
+from app.modes.tune.compare_run import CompareAnswer, KnownReferences
 from app.modes.tune.label_score import LabelScore, labels_to_score, score_with_labels
 from app.modes.tune.nothing_found import NothingFound, SampleRequest
-from app.modes.tune.results_panel import ResultsPanel
+from app.modes.tune.results_panel import KEPT, ResultsPanel
 from app.modes.tune.run_score import RunScore, score_run
 from app.modes.tune.settings import ConfigFilesPanel, SettingsPanel, TuneViewPanel, detect_command
-from app.modes.tune.verdict_line import ScoredConfig, VerdictLine
+from app.modes.tune.verdict_line import ScoredConfig, ShownWindow, VerdictLine
 from app.panels.time_bar import Runs, runs_of_verdicts
 from app.state.client_state import SLOTS, ClientState, PickedPoint, Slot
 from app.state.commands import BeginScore, Command, PickCluster, SetMode, UseConfig
@@ -23,6 +23,7 @@ from app.state.config_words import config_words
 from app.views.answer_cache import AnswerCache
 from app.views.methods_picture import MethodsRequest, answer_methods
 from app.views.requests import PictureAnswer, TuneRequest, answer_request
+from app.views.stage_picture import miss_px
 from core.detection import DetectorConfig
 from core.detection.methods import METHODS, Method
 from core.detection.saved import load_detector
@@ -41,6 +42,10 @@ class TuneMode:
 
     def __init__(self, host: ModeHost) -> None:
         self._host = host
+        self.scores: tuple[tuple[ScoredConfig, float], ...] = ()
+        """The last scores of the open recording against its truth, newest first, with their recall."""
+        self.window: ShownWindow | None = None
+        """The window that is shown, of the config that the sliders change; None while methods are side by side."""
         self._active = False
         self._shown: ClientState | None = None
         self._requested: object = None
@@ -79,6 +84,11 @@ class TuneMode:
         return "space" if state is not None and state.tune.shows_space else "sheet"
 
     @property
+    def comparison(self) -> CompareAnswer | None:
+        """The last comparison over the open recording."""
+        return self._compare.answer
+
+    @property
     def needs_tick(self) -> bool:
         """Whether a score, a search or a comparison is running."""
         return self._score.running or self._auto.running or self._compare.running
@@ -103,6 +113,7 @@ class TuneMode:
         self._compare.forget()
         self._verdicts.forget()
         self._answers.clear()
+        self.scores, self.window = (), None
         self._sample = None
         self._last_px.clear()
         self._known.clear()
@@ -117,7 +128,7 @@ class TuneMode:
                 self._settings.show(state)
                 self._auto.panel.use_method(state.tune.method)
                 self._compare.show_state(state)
-            self._verdicts.follow(_shown_config(state))
+            self._verdicts.follow(shown_config(state))
         if wall_s - self._offered_s > OFFER_EVERY_S:
             self._offered_s = wall_s
             self._files.show(self._host.services.workspace.config_names())
@@ -227,11 +238,14 @@ class TuneMode:
                 if found.detection is not None:
                     self._last_px[request.stream.name] = (found.detection.u_px, found.detection.v_px)
         self._sample = self._sample_for(request, answer)
+        self.window = None
         names = tuple(name for name, _ in request.configs)
         with self._host.client.atomic():
             if isinstance(request, TuneRequest):
-                self._settings.show_trace(answer.found[names.index(request.view.slot)].trace)
-                picked, here = request.view.picked, (request.stream.name, request.t_us)
+                found, stream = answer.found[names.index(request.view.slot)], request.stream
+                self.window = ShownWindow(stream.name, request.t_us, miss_px(found.detection, stream.truth))
+                self._settings.show_trace(found.trace)
+                picked, here = request.view.picked, (stream.name, request.t_us)
                 picked_px = picked.point_px if picked and (picked.camera, picked.t_us) == here else None
                 titled = zip((f"Config {name}" for name in names), answer.found, strict=True)
                 self._results.candidates.show(tuple(titled), answer.seconds, picked_px, answer.misses_px)
@@ -277,7 +291,7 @@ class TuneMode:
             return
         stream, config = recording.cameras[state.camera], state.config
         method, added_us = state.tune.method, self._results.score.added_us
-        scored = _shown_config(state)
+        scored = shown_config(state)
         title = f"{state.recording}, {state.camera}, {config_words(method, state.tune.slot, config)}"
         folder, uuid, later = self._host.services.workspace.labels, recording.uuid, self._host.later
 
@@ -293,7 +307,7 @@ class TuneMode:
                 *(folder, reference, stream, method, config, added_us), progress=progress, cancelled=cancelled
             )
 
-        self._score.start(work, lambda score: self._score_done(title, score, announced=annotator is not None))
+        self._score.start(work, lambda score: self._score_done(title, scored, score, announced=annotator is not None))
         self._results.score.show_running(True, title)
 
     def _show_verdicts(self, uuid: str, scored: ScoredConfig, runs: Runs) -> None:
@@ -301,15 +315,18 @@ class TuneMode:
         recording, state = self._host.recording, self._host.state
         if self._score.running and recording is not None and recording.uuid == uuid:
             self._verdicts.keep(scored, runs)
-            self._verdicts.follow(_shown_config(state) if self._active and state is not None else None)
+            self._verdicts.follow(shown_config(state) if self._active and state is not None else None)
 
-    def _score_done(self, title: str, score: RunScore | LabelScore, *, announced: bool) -> None:
+    def _score_done(self, title: str, scored: ScoredConfig, score: RunScore | LabelScore, *, announced: bool) -> None:
+        if isinstance(score, RunScore):
+            self.scores = ((scored, score.judged.recall), *self.scores)[:KEPT]
         self._results.score.show_score(title, score)
         if announced and self._active:
             self._results.score.show_window(lambda: self._host.send(SetMode("Label")))
 
 
-def _shown_config(state: ClientState) -> ScoredConfig:
+def shown_config(state: ClientState) -> ScoredConfig:
+    """What a score that is started now is of."""
     return ScoredConfig(state.camera, state.tune.method, state.config)
 
 

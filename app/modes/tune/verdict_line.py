@@ -24,6 +24,17 @@ class ScoredConfig:
     config: DetectorConfig
 
 
+@dataclass(frozen=True, slots=True)
+class ShownWindow:
+    """A window that Tune shows."""
+
+    camera: str
+    t_us: int
+    """Its end."""
+    miss_px: float | None
+    """Distance of its ball from the truth, infinite if there is none; None without a ball or a truth."""
+
+
 class VerdictLine:
     """Shows the verdicts of the last score while its camera, method and config are those of the picture."""
 
