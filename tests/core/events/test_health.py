@@ -27,6 +27,13 @@ def test_a_hot_pixel_is_found_and_noise_is_not() -> None:
     assert health.gaps == ()
 
 
+def test_the_share_of_on_events_is_that_of_the_samples_and_not_known_without_any() -> None:
+    nothing, on = np.zeros(3, np.int64), np.array([True, False, False])
+    sample = Events.from_columns(np.arange(3), nothing, nothing, on, SENSOR)
+    assert assess_health(np.full(1, 3), 1000, [sample], SENSOR).on_share == 1 / 3
+    assert np.isnan(assess_health(np.zeros(1, np.int64), 1000, [], SENSOR).on_share)
+
+
 def test_something_that_passes_is_not_a_hot_pixel() -> None:
     rng = np.random.default_rng(2)
     passing = noise(rng, 0, 20_000, 200, (7, 9))
