@@ -2,31 +2,35 @@
 
 The ball is where the simulator says that each camera sees it, players in front of it included; what a detector would
 find there is drawn: it misses some windows, is a little off, now and then far off, and takes some windows to find a
-ball that was hidden. So a rally takes a second, where events and detector take minutes; `labels contacts` does the same
-for a recording with events.
+ball that was hidden. So a rally takes a second, where events and detector take minutes. With `--from events` they are
+simulated, and the default detector finds the ball in them, in the same rallies.
 
     python -m benchmarks.labels.contact_proposals --rallies 24 --seed 3000 --speed 5
+    python -m benchmarks.labels.contact_proposals --rallies 1 --seed 4000 --speed 5 --from events
 """
 
 from __future__ import annotations
 
 import argparse
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from core.cameras import Camera
 from core.cameras.presets import stereo_preset
 from core.physics import PhysicsConfig
-from core.recordings import PixelTruth
+from core.recordings import PixelTruth, open_recording
+from core.simulation import StereoConfig, simulate_recording
 from core.simulation.bodies import make_actors
 from core.simulation.bodies.rally_flight import draw_flights
 from core.simulation.flights import LaunchConfig
-from core.simulation.scenes.scene import SceneConfig
+from core.simulation.scenes.scene import SceneConfig, scene_named
 from core.simulation.truth import ball_truth, pixel_truths, truth_times
 from labels.assist.contact_proposals import propose_contacts
-from labels.assist.propose import Proposals
+from labels.assist.propose import Proposals, propose
 from labels.contacts import MATCH_US, contacts_of_truth, match_contacts
 from labels.model import ContactKind, ContactLabel
 
@@ -66,7 +70,7 @@ class ContactFigures:
 
 
 def simulate_contacts(seed: int, speed_mps: float = 5.0) -> RallyContacts:
-    """A rally of two players at this speed, and what is proposed in it."""
+    """A rally of two players at this speed, and what is proposed in drawn detections of its ball."""
     cameras: Mapping[str, Camera] = stereo_preset(PRESET)
     rng, scene = np.random.default_rng(seed), SceneConfig(cast="rally")
     path, strokes = draw_flights(scene, [LaunchConfig(speed_mps=speed_mps)], rng, PhysicsConfig())
@@ -75,6 +79,34 @@ def simulate_contacts(seed: int, speed_mps: float = 5.0) -> RallyContacts:
     truths = pixel_truths(cameras, path, np.arange(0, end_us, WINDOW_US), bodies)
     parts = [_detected(truth, rng) for truth in truths.values()]
     real = contacts_of_truth(ball_truth(path, truth_times(path, 0, end_us)))
+    return _compare(cameras, truths, parts, real)
+
+
+def simulate_events(seed: int, speed_mps: float, folder: Path) -> RallyContacts:
+    """The rally of `simulate_contacts`, and what is proposed in its events by the default detector.
+
+    `folder`: for the recording, of some 100 MB, which is deleted.
+    """
+    cameras: Mapping[str, Camera] = stereo_preset(PRESET)
+    config, path = StereoConfig(scene=scene_named("rally")), folder / f"{seed}.h5"
+    simulate_recording(path, config, cameras, [LaunchConfig(speed_mps=speed_mps)], seed=seed)
+    with open_recording(path) as recording:
+        streams = recording.cameras
+        truths = {name: stream.truth for name, stream in streams.items() if stream.truth is not None}
+        assert recording.ball is not None and truths.keys() == cameras.keys()
+        parts = [propose(streams[name], 0, recording.duration_us) for name in cameras]
+        found = _compare(cameras, truths, parts, contacts_of_truth(recording.ball))
+    path.unlink()
+    return found
+
+
+def _compare(
+    cameras: Mapping[str, Camera],
+    truths: Mapping[str, PixelTruth],
+    parts: Sequence[Proposals],
+    real: tuple[ContactLabel, ...],
+) -> RallyContacts:
+    """What is proposed in what was found in each camera, beside the true contacts."""
     proposed = propose_contacts(list(cameras.values()), parts)
     seen = tuple(sum(_seen_around(truth, one.t_us) for truth in truths.values()) for one in real)
     return RallyContacts(real, proposed, match_contacts(proposed, real, MATCH_US), seen)
@@ -133,8 +165,14 @@ def main() -> None:
     parser.add_argument("--rallies", type=int, default=24)
     parser.add_argument("--seed", type=int, default=3000, help="of the first rally; the next ones count up")
     parser.add_argument("--speed", type=float, default=5.0, help="m/s")
+    parser.add_argument("--from", dest="source", choices=("drawn", "events"), default="drawn", help="detections")
     asked = parser.parse_args()
-    rallies = [simulate_contacts(asked.seed + number, asked.speed) for number in range(asked.rallies)]
+    seeds = range(asked.seed, asked.seed + asked.rallies)
+    if asked.source == "drawn":
+        rallies = [simulate_contacts(seed, asked.speed) for seed in seeds]
+    else:
+        with tempfile.TemporaryDirectory() as folder:
+            rallies = [simulate_events(seed, asked.speed, Path(folder)) for seed in seeds]
     print("kind     true found wrong kind false  median ms  p95 ms  hidden and missed")
     for row in figures_of(rallies):
         counts = f"{row.kind:8} {row.true:4} {row.found:5} {row.wrong_kind:10} {row.false:5}"
