@@ -110,10 +110,10 @@ def _meet(s: Array, x_m: float, h: float, lift: float, out: Array) -> float:
 
 
 @njit
-def fly_and_bounce(s: Array, seconds: float, lift: float) -> float:
-    """Move `s` on, off the table where it comes down on it; how long ago the last bounce was, -1 if there was none."""
+def fly_and_bounce(s: Array, seconds: float, lift: float) -> None:
+    """Move `s` (14,) on by `seconds`, off the table where it comes down on it; `lift` as in `glide`."""
     after, there = np.empty(STATE), np.empty(STATE)
-    left, since = seconds, -1.0
+    left = seconds
     while left > 1e-12:
         h = min(left, STEP_S)
         down = down_in(s, lift)
@@ -124,13 +124,11 @@ def fly_and_bounce(s: Array, seconds: float, lift: float) -> float:
             if over_table(after[0], after[1]) and after[5] < -SLOWEST_MPS:
                 after[2] = BALL_RADIUS_M + s[12]
                 bounce(after)
-                since = left - h
             else:
                 # Just below the plane, or the next step would find the same landing again.
                 after[2] = BALL_RADIUS_M + s[12] - 1e-12
         s[:] = after
         left -= h
-    return since
 
 
 @njit

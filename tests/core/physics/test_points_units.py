@@ -167,6 +167,13 @@ def test_one_odd_row_is_left_out_and_said(tmp_path: Path, name: str) -> None:
     assert said in notes and ("row" in notes) == bool(said)
 
 
+def test_one_stray_time_at_the_end_of_a_short_flight_is_left_out(tmp_path: Path) -> None:
+    """Thirteen rows may have one odd row, the last; ten times these 92 ms are less than a second."""
+    found = read(tmp_path, "\n".join(LINES[:13]) + "\n86400.25,0.1,0.1,0.3\n")
+    np.testing.assert_allclose(found.t_s, T[:12], atol=1e-9)
+    assert "1 of 13 rows left out: t_s is far from the others" in found.notes[0]
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

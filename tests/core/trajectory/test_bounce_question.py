@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from core.table import BALL_RADIUS_M, GRAVITY_MPS2, TABLE_LENGTH_M, TABLE_WIDTH_M
-from core.trajectory.ball_filter import LONGEST_S, SIGMAS, BounceQuestion, TableTouch, coming_contact
+from core.trajectory.ball_filter import LONGEST_S, SIGMAS, BounceQuestion, TableTouch, _either, coming_contact
 from core.trajectory.ball_kernel import HIGHER, STATE, glide
 from core.trajectory.filter_kernel import ProcessNoise, bounce_estimate, move
 from core.trajectory.observation import GATE, PointObservation
@@ -185,3 +185,8 @@ def test_until_the_time_of_the_bounce_the_ball_flies_on_and_then_the_likelier_wa
     beside, in_s = question(falling(y=2.0), sigma_s=0.001)
     beside.add(1000 + round(1e6 * in_s) + 100, PointObservation(np.zeros(3), NOISE), np.ones(3))
     assert beside.likelier[0][5] < 0
+
+
+@pytest.mark.parametrize(("odds", "likelier"), [(1e4, -1.0), (-1e4, -3.0)])
+def test_a_flight_that_is_certain_alone_says_how_likely_a_point_was(odds: float, likelier: float) -> None:
+    assert _either(-1.0, -3.0, odds) == pytest.approx(likelier)

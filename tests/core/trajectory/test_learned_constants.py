@@ -8,8 +8,10 @@ import pytest
 from core.physics.config import PhysicsConfig, physics_profile
 from core.physics.fit_flights import simulate_flight
 from core.trajectory import FilterPredictor, filter_for
+from core.trajectory.ball_filter import BallFilter
+from core.trajectory.ball_kernel import DRAG
 from core.trajectory.filter_config import PAPER, UNKNOWN
-from core.trajectory.learned_constants import LearnedConstants, nothing_learned
+from core.trajectory.learned_constants import FEWEST_POINTS, LearnedConstants, nothing_learned
 
 pytestmark = pytest.mark.numeric
 UNTOLD = replace(filter_for("paper"), perhaps_real=True)
@@ -96,3 +98,16 @@ def test_some_points_teach_nothing() -> None:
 def test_a_filter_that_is_told_learns_nothing() -> None:
     predictor = FilterPredictor(filter_for("real"))
     assert watch(predictor, lab(0.42, 0.95, 0.29), 2).balls == 0
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_flight_far_off_moves_the_constants_as_one_three_sigmas_off_does(side: int) -> None:
+    start = nothing_learned(UNTOLD)
+    moved = []
+    for sigmas in (3.0, 5.0):
+        ball = BallFilter(UNTOLD, 0, np.zeros(3), np.eye(3), needs_tick=False, odds=1.0)
+        ball.points = FEWEST_POINTS
+        ball.state[DRAG : DRAG + 3] = start.means + side * sigmas * np.hypot(start.sigmas, start.scatter)
+        moved.append(start.after(ball, 1.0, 1.0).means - start.means)
+    np.testing.assert_allclose(moved[1], moved[0])
+    assert (side * moved[0] > 0).all()

@@ -82,7 +82,7 @@ def test_a_kill_before_the_new_name_does_not_take_a_journal_over_twice(tmp_path:
     path.write_bytes(content)  # as if the rename had not come about
     with LabelStore.open(tmp_path, UUID, "left", "anna") as store:
         assert store.labels().t_us.tolist() == []
-    assert not path.exists()
+    assert not path.exists() and path.with_name("anna.jsonl.backup-2").read_bytes() == content
 
 
 @pytest.mark.parametrize("radius", [0, -3.0, 0.0])

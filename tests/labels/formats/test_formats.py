@@ -72,6 +72,8 @@ def test_yolo_classes_are_names_and_not_numbers(tmp_path: Path) -> None:
     (tmp_path / "classes.txt").write_text("racket\n")
     (rejection,) = FORMATS["yolo"].read(tmp_path, FRAMES).rejections
     assert rejection.file.name == "classes.txt" and "--ball-class" in rejection.reason
+    (tmp_path / "classes.txt").unlink()
+    assert [(item.file, item.line) for item in FORMATS["yolo"].read(tmp_path, FRAMES).rejections] == [(tmp_path, 1)]
 
 
 @pytest.mark.parametrize("yaml", ["names: [racket, ball]", "names: {0: racket, 1: ball}", "names:\n  1: ball\n"])

@@ -36,6 +36,13 @@ def test_a_clock_ahead_that_drifts_shows_a_later_picture() -> None:
     np.testing.assert_allclose(again, found, rtol=1e-12)
 
 
+def test_instants_are_sightings_by_the_common_clock() -> None:
+    t_us = 2000 * np.arange(20)
+    tracks = one_camera(t_us)
+    found = tracks.instants(np.array([700.0]), np.array([5000.0]))
+    np.testing.assert_allclose(found, t_us - 700.0 - 5e-3 * (t_us - tracks.middle_us), rtol=1e-12)
+
+
 def test_markers_of_a_body_stand_beside_each_other_and_those_of_none_below() -> None:
     t_us = np.tile(2000 * np.arange(5), 2)
     marker = np.repeat([0, 1], 5)

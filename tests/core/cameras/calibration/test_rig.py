@@ -7,8 +7,9 @@ import pytest
 from benchmarks.calibration.bench_rig import BallSwing, click_corners, seen_by
 from core.cameras import Camera, stereo_preset
 from core.cameras.calibration.body_tracks import body_tracks
+from core.cameras.calibration.bundle import Rig
 from core.cameras.calibration.point_track import PointTrack
-from core.cameras.calibration.rig import RigConfig, calibrate_rig
+from core.cameras.calibration.rig import RigConfig, calibrate_rig, choose_instants
 from core.cameras.calibration.rig_chain import guess_rig
 from core.cameras.calibration.rig_result import RigCalibration
 from core.cameras.calibration.scale import Scale
@@ -257,6 +258,15 @@ def test_the_instants_are_those_of_the_first_camera() -> None:
     found = calibrate(tracks, LENSES, Scale("baseline", 3.5), config=config)
     assert len(tracks["right"].t_us) < 500 < len(found.t_us) == 900
     assert np.median(off_relative_mm(found, swing)) < 6.0
+
+
+def test_instants_of_two_cameras_make_up_for_a_third_that_saw_little() -> None:
+    seen = [PointTrack.of(t_us, np.column_stack([3e-3 * t_us, 1e-8 * t_us**2])) for t_us in
+            (2000 * np.arange(200), 2000 * np.arange(200), 2000 * np.arange(20))]  # fmt: skip
+    tracks = body_tracks(dict(zip("abc", seen, strict=True)), np.zeros((1, 3)), clean=False)
+    rig = Rig((LENSES["left"],) * 3, np.zeros(3), np.zeros(3))
+    chosen = choose_instants(tracks, rig, 90)
+    assert len(chosen) == 90 and (np.diff(chosen) > 0).all() and chosen[-1] > 390_000
 
 
 def test_one_clock_means_no_offset() -> None:

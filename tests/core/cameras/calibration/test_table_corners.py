@@ -53,7 +53,7 @@ def test_a_table_of_clicks_is_read_per_camera(tmp_path: Path) -> None:
 def test_what_is_no_click_is_refused_with_its_line(tmp_path: Path, rows: str, says: str) -> None:
     path = tmp_path / "corners.csv"
     path.write_text(f"camera,corner,u_px,v_px\n{rows}\n")
-    with pytest.raises(CalibrationError, match=rf"corners.csv, line \d: .*{says}"):
+    with pytest.raises(CalibrationError, match=rf"corners.csv, line {len(rows.splitlines()) + 1}: .*{says}"):
         read_clicks(path)
 
 

@@ -20,8 +20,8 @@ from core.table import TABLE_LENGTH_M, TABLE_WIDTH_M
 
 pytestmark = pytest.mark.numeric
 TIMES_S = np.linspace(0.0, CYCLE_S, 4001)
-BLADE = 15
-"""The last part of a player."""
+GRIP, BLADE = 14, 15
+"""The last parts of a player."""
 
 
 @pytest.mark.parametrize("cast", ["person", "two-persons", "rally", "head"])
@@ -73,8 +73,10 @@ def test_the_blade_meets_the_ball_of_a_rally_and_faces_as_it_should() -> None:
     strokes = [PlayerStroke(1.0 + 1.1 * k, np.array([1.55, 0.1 * k, 0.25]), normal) for k in range(3)]
     bodies = make_actors("rally", 1, strokes)
     assert bodies is not None
-    ends = bodies.ends(np.array([stroke.t_s for stroke in strokes]))[:, BLADE]
+    grip, ends = np.moveaxis(bodies.ends(np.array([stroke.t_s for stroke in strokes]))[:, GRIP : BLADE + 1], 1, 0)
     np.testing.assert_allclose(ends[:, 0], [stroke.p_world_m for stroke in strokes], atol=1e-9)
+    hand_m, end_m = np.linalg.norm(grip - ends[:, :1], axis=2).T
+    assert (hand_m - end_m > 0.05).all(), "the grip goes from the hand to the blade"
     axis = ends[:, 0] - ends[:, 1]
     np.testing.assert_allclose(axis / np.linalg.norm(axis, axis=1, keepdims=True), [normal] * 3, atol=1e-9)
 

@@ -9,7 +9,7 @@ from core.errors import ConfigError
 from core.physics import strokes_from_actions
 from core.physics.task import task_profile
 from core.simulation.episodes import draw_serves, simulate_episodes
-from core.simulation.episodes.episode_path import Trajectory, trace_episode
+from core.simulation.episodes.episode_path import Trajectory, rebound_from_wall, trace_episode
 
 pytestmark = pytest.mark.numeric
 
@@ -65,3 +65,12 @@ def test_a_path_has_exactly_one_serve() -> None:
     task = task_profile("paper")
     with pytest.raises(ConfigError, match="one serve"):
         trace_episode(draw_serves(5.0, 2, task, np.random.default_rng(0)), None, task)
+
+
+@pytest.mark.parametrize("heading", [-1, 1])
+def test_a_ball_that_the_net_stops_is_put_on_the_side_from_which_it_came(heading: int) -> None:
+    task = task_profile("paper")
+    state = np.array([0.0, 0.1, 0.2, 4.0 * heading, 1.0, -2.0, 10.0, 20.0, 30.0])
+    rebound_from_wall(state, task)
+    assert state[0] * heading < 0 and state[3] == -4.0 * heading * task.physics.net_restitution
+    np.testing.assert_allclose(state[4:], np.array([1.0, -2.0, 10.0, 20.0, 30.0]) * (1 - task.physics.net_drag))

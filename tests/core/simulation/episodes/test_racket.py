@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from core.errors import ConfigError
-from core.physics.rotation import normals_from_orientations, orientations_from_actions
+from core.physics.rotation import axis_quaternion, normals_from_orientations, orientations_from_actions
 from core.physics.task import StrokeConfig
 from core.simulation.episodes.racket import (
     RacketConfig,
@@ -63,6 +63,14 @@ def test_it_turns_no_faster_than_its_rate() -> None:
     angle = 2 * math.acos(abs(float(first.q_wxyz @ second.q_wxyz)))
     assert angle == pytest.approx(0.01 * CONFIG.max_turn_rate_radps)
     assert second.turn_radps == pytest.approx([0, 0, CONFIG.max_turn_rate_radps])
+
+
+def test_what_is_left_to_turn_takes_one_step_if_the_rate_allows_it() -> None:
+    left = 0.8 * 0.01 * CONFIG.max_turn_rate_radps
+    turned = dataclasses.replace(upright_racket(CONFIG), q_wxyz=axis_quaternion(2, left))
+    racket = move_racket(turned, None, 0.0, 0.01, CONFIG, HOME_Q)
+    assert racket.q_wxyz == pytest.approx(HOME_Q)
+    assert racket.turn_radps == pytest.approx([0, 0, -left / 0.01])
 
 
 def test_without_a_target_it_settles_at_rest() -> None:
