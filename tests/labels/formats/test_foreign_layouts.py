@@ -489,6 +489,7 @@ def test_what_another_tool_wrote_is_read_right_or_refused_with_the_reason(case: 
 def test_what_cvat_interpolated_is_not_by_hand(tmp_path: Path) -> None:
     made = import_files(tmp_path, "cvat", {"a.xml": video(box(1, 640) + box(2, 650, keyframe=0) + box(3, 660))})
     assert made.sources == ["imported", "interpolated", "imported"]
+    assert "outside" not in made.said
 
 
 def test_the_table_counts_every_reason_with_three_examples(tmp_path: Path) -> None:
