@@ -13,10 +13,14 @@ import viser
 from app import theme
 from app.formatting import html_text
 from app.shared.library import Library
-from app.startup.startup import Preparation, Step
+from app.startup.startup import OWN_STEPS, Preparation, Step
 
 PLACE_PX: Final = (8, -8)
 SIZE_PX: Final = (430, 244)
+RALLY_COMES: Final = (
+    "Meanwhile you see a recorded rally at half speed, or can open a recording. The live rally will appear here."
+)
+RALLY_RUNS: Final = "The live rally is ready. The demo recording will appear in the list of recordings."
 SIGNS: Final = {"waiting": "&#9675;", "running": "&#9684;", "done": "&#10003;", "failed": "&#10007;"}
 
 
@@ -43,7 +47,8 @@ def card_html(steps: Sequence[Step]) -> str:
         return ""
     now_s = time.monotonic()
     rows = "".join(_row(step, now_s) for step in steps)
-    note = "Meanwhile you see a recorded rally at half speed, or can open a recording. The live rally will appear here."
+    rally_runs = any(step.title == OWN_STEPS["rally"].title and step.state == "done" for step in steps)
+    note = RALLY_RUNS if rally_runs else RALLY_COMES
     return (
         f"<div style='font-size:13px;padding:6px 14px;line-height:1.5'>{rows}"
         f"<div style='color:{theme.MUTED};padding-top:6px'>{note}</div></div>"

@@ -122,7 +122,7 @@ OWN_STEPS: Final = {
     "simulation": Step("Compiling the simulation", FIRST_ONLY),
     "chain": Step("Compiling the ball detector and the player", FIRST_ONLY),
     "rally": Step("Starting the live rally"),
-    "demo": Step("Making the demo recording", "on the first start only, a few seconds"),
+    "demo": Step("Making the demo recording", "once for each workspace"),
 }
 REMOTE_STEPS: Final = {
     "simulation": Step("Waiting for the simulation", "it is being compiled on the other machine"),

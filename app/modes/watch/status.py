@@ -19,6 +19,7 @@ from core.history.rally_history import EXPECTED_US, Outcome, RallyMoment, RallyS
 from core.history.shown_prediction import ShownPrediction
 from core.live.link.adaptive_rate import pace_words
 from core.live.link.messages import WorldState
+from core.live.live_player import NOBODY
 from core.live.live_snapshot import RallySnapshot
 from core.live.stream_watch import CameraHealth
 from core.physics.episode import Case
@@ -115,9 +116,15 @@ def live_html(snapshot: RallySnapshot, state: WorldState, status: str, cameras: 
     health = snapshot.health
     rows = [
         ("Simulation", _simulation(state, status)),
-        ("Followed", f"{health.state_hz:.0f} times a second, {percentiles_text(health.step)} each"),
-        ("Seen to racket", f"{percentiles_text(health.window_to_sent)}{_on_the_clock(state)}"),
-        *latency_rows(health),
+        *(
+            [("Followed", muted("not yet: the player is loading"))]
+            if snapshot.problem == NOBODY
+            else [
+                ("Followed", f"{health.state_hz:.0f} times a second, {percentiles_text(health.step)} each"),
+                ("Seen to racket", f"{percentiles_text(health.window_to_sent)}{_on_the_clock(state)}"),
+                *latency_rows(health),
+            ]
+        ),
         ("Controller", html_text(snapshot.controller)),
     ]
     if snapshot.learned is not None:
@@ -128,7 +135,7 @@ def live_html(snapshot: RallySnapshot, state: WorldState, status: str, cameras: 
     if health.blocks_dropped:
         skipped = f"{health.blocks_dropped} blocks of 10 ms since the session began: this machine was busy"
         rows.append(("Skipped blocks", muted(f"{skipped}. A recording has them. Many? Choose a slower Pace")))
-    if snapshot.problem:
+    if snapshot.problem and snapshot.problem != NOBODY:
         rows.append(("Problem", coloured(theme.BAD, html_text(snapshot.problem))))
     return figures_html(rows)
 
@@ -241,7 +248,8 @@ def _last(outcomes: tuple[Outcome, ...]) -> str:
     last = outcomes[-1]
     if not last.counted:
         return muted("not followed, or something changed during it: not counted")
-    where = f", {last.spot.x_m:.2f} / {last.spot.y_m:+.2f} m" if math.isfinite(last.spot.x_m) else ""
+    y_m = round(last.spot.y_m, 2) + 0.0  # no -0.00
+    where = f", {last.spot.x_m:.2f} / {y_m:+.2f} m" if math.isfinite(last.spot.x_m) else ""
     return f"<span style='color:rgb{CASE_RGB[last.spot.case]}'>{CASE_NAMES[last.spot.case]}</span>{where}"
 
 

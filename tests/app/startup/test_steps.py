@@ -6,7 +6,7 @@ import pytest
 
 from app.background.child import ChildProcess, share_in
 from app.startup.panel import card_html, remaining_text
-from app.startup.startup import Preparation, Step
+from app.startup.startup import OWN_STEPS, Preparation, Step
 
 
 def test_a_step_that_takes_a_while_is_told_at_every_quarter_and_at_its_end() -> None:
@@ -47,6 +47,14 @@ def test_the_card_shows_shares_and_goes_when_all_is_done() -> None:
     card = card_html((done, running, waiting))
     assert "26%" in card and card.index("One") < card.index("Two") < card.index("Three")
     assert card_html((done, done)) == ""
+
+
+def test_the_card_says_that_the_rally_comes_only_until_it_is_there() -> None:
+    rally, demo = OWN_STEPS["rally"], replace(OWN_STEPS["demo"], state="running", share=0.5, began_s=-1e3)
+    assert "will appear here" in card_html((rally, demo))
+    ready = card_html((replace(rally, state="done"), demo))
+    assert "will appear here" not in ready and "list of recordings" in ready
+    assert "seconds" not in ready, "the estimate may be minutes"
 
 
 def test_shares_are_read_from_lines() -> None:

@@ -18,6 +18,7 @@ from core.history.rally_history import Outcome, RallyHistory, RallyMoment, Rally
 from core.history.rally_picture import LandingSpot
 from core.history.shown_prediction import ShownPrediction
 from core.live.link.messages import WorldState
+from core.live.live_player import NOBODY
 from core.live.live_snapshot import STAGES, stage_latencies
 from core.physics.episode import Case
 from core.trajectory.filter_config import FilterConfig
@@ -60,6 +61,14 @@ def test_where_the_time_of_commands_goes_is_a_line_a_stage_once_one_was_sent(sna
     said = live_html(snapshot, state(), "connected")
     assert "Where it goes" in said and said.count("<tr><td style=") >= len(STAGES)
     assert all(name in said and html_text(STAGE_WORDS[name]) in said for name in STAGES)
+
+
+def test_a_player_that_loads_is_no_problem_and_has_no_figures_yet(snapshot) -> None:
+    snapshot.problem = NOBODY
+    said = live_html(snapshot, state(), "connected")
+    assert "the player is loading" in said and theme.BAD not in said and "times a second" not in said
+    snapshot.problem = "no calibration"
+    assert theme.BAD in live_html(snapshot, state(), "connected")
 
 
 def test_a_readout_in_time_is_not_spoken_of(snapshot) -> None:
@@ -143,6 +152,12 @@ def test_a_ball_that_one_camera_did_not_see_is_not_said_to_be_lost() -> None:
     assert "was not returned; the detector" in missed_html(replace(unseen, kind="not returned"), copies=False)
     seen = replace(unseen, kind="not returned", unseen_us=0)
     assert "was not returned; it was seen" in missed_html(seen, copies=False)
+
+
+def test_a_landing_place_has_no_minus_zero() -> None:
+    nothing = RallyMoment(0, RallyHistory().at(0, {}).picture, None, None, None, ())
+    there = Outcome(590_000, 10_000, 5.0, LandingSpot(0.8, -0.001, Case.RETURNED))
+    assert "0.80 / +0.00 m" in moment_html(replace(nothing, outcomes=(there,)), 10.0, 1.0)
 
 
 def test_a_ball_of_which_blocks_were_skipped_is_no_fault_of_the_detector() -> None:
