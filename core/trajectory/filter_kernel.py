@@ -13,6 +13,7 @@ from core.trajectory.ball_kernel import (
     AHEAD,
     DRAG,
     DRAG_PER_M,
+    FRICTION,
     HIGHER,
     SPIN,
     STATE,
@@ -148,6 +149,15 @@ def bounce_estimate(x: Array, cov: Array, process_noise: ProcessNoise) -> None:
         moved[k] += eps
         bounce(moved)
         D[:, k] = (moved - after) / eps
+    if D[3, FRICTION] == 0.0 and D[4, FRICTION] == 0.0:
+        # A ball that leaves the table rolling says nothing of more friction, but with less it would have slipped and
+        # kept more speed: without that slope a friction assumed too high is never corrected, and the spin with it.
+        less = min(math.sqrt(max(cov[FRICTION, FRICTION], 0.0)), before[FRICTION])
+        if less > 0.0:
+            moved[:] = before
+            moved[FRICTION] -= less
+            bounce(moved)
+            D[3:DRAG, FRICTION] = (after - moved)[3:DRAG] / less
     rate, rate_after = np.zeros(STATE), np.zeros(STATE)
     rate[:3], rate_after[:3] = before[3:6], after[3:6]
     rate[3], rate[4], rate[5] = pull(before, process_noise.lift)

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from core.table import BALL_RADIUS_M, GRAVITY_MPS2
-from core.trajectory.ball_kernel import AHEAD, HIGHER, LIFT, RESTITUTION, STATE, bounce, glide, pull
+from core.trajectory.ball_kernel import AHEAD, FRICTION, HIGHER, LIFT, RESTITUTION, STATE, bounce, glide, pull
 from core.trajectory.filter_kernel import ProcessNoise, bounce_estimate, move, observe
 
 pytestmark = pytest.mark.numeric
@@ -233,3 +233,20 @@ def test_free_fall_is_exact() -> None:
     move(x, np.zeros((STATE, STATE)), 0.1, CALM)
     np.testing.assert_allclose(x[:3], START[:3] + 0.1 * START[3:6] - [0, 0, 0.5 * GRAVITY_MPS2 * 0.01], atol=1e-12)
     assert pull(x, CALM.lift) == (0.0, 0.0, -GRAVITY_MPS2)
+
+
+@pytest.mark.parametrize(("sigma", "slips"), [(0.08, True), (0.01, False)])
+def test_that_a_ball_rolls_off_the_table_depends_on_the_friction_that_was_assumed(sigma: float, slips: bool) -> None:
+    x, cov = START.copy(), np.zeros((STATE, STATE))
+    x[2:9] = (BALL_RADIUS_M + x[HIGHER], -2.7, 0.0, -2.6, 0.0, 0.0, 0.0)
+    x[FRICTION], cov[FRICTION, FRICTION] = 0.23, sigma**2
+    less = x.copy()
+    less[FRICTION] -= sigma
+    bounce(less)
+    bounce_estimate(x, cov, CALM)
+    assert x[7] == pytest.approx(x[3] / BALL_RADIUS_M), "it rolls"
+    moved = x - less
+    assert (abs(moved[3]) > 0.05) == slips
+    # Speed and spin come from one push: what is seen of the one corrects the other, and the friction.
+    np.testing.assert_allclose(cov[3], moved[3] * moved, atol=1e-12)
+    np.testing.assert_allclose(cov[7], moved[7] * moved, atol=1e-9)

@@ -54,6 +54,20 @@ def test_that_there_is_no_air_is_learnt_too_and_nothing_of_drag_then() -> None:
     assert (np.abs(found.means[1:] - [0.90, 0.15]) < [0.015, 0.03]).all()
 
 
+def test_a_slow_ball_on_a_smoother_table_than_assumed_is_given_its_own_spin() -> None:
+    """By the assumed friction it would leave the table rolling, with half as much spin again."""
+    predictor = FilterPredictor(UNTOLD)
+    start, t_s = np.array([1.3, 0.0, 0.35, -2.7, 0, 0.9, 0, 0, 0]), 0.003 * np.arange(240)
+    ps = simulate_flight(start, t_s, physics_profile("paper"))
+    for t, p in zip(t_s, ps, strict=True):
+        predictor.add(round(1e6 * t), p, 0.0005**2 * np.eye(3))
+    assert predictor.stage == "post"
+    pushed_mps = float((ps[-1] - ps[-11])[0] / (t_s[-1] - t_s[-11])) - start[3]
+    assert predictor.state[7] == pytest.approx(-75.0 * pushed_mps, abs=5.0)
+    predictor.reset()
+    assert predictor.learned.means[2] < 0.18
+
+
 def test_the_next_ball_begins_with_what_was_learnt_and_forget_takes_it_away() -> None:
     predictor = FilterPredictor(UNTOLD)
     found = watch(predictor, lab(0.42, 0.95, 0.29), 3)
