@@ -16,9 +16,13 @@ from app.cli.arguments import flag, positional, setting_flag
 from app.cli.constants import CONSTANTS_HELP, given_constants
 from app.cli.files import check_folder, write_text
 from app.cli.terminal import print_lines, say
-from core.chain.config import fitted_filter
+from core.chain.config import HIT_RULES, HitRule, expected_physics, fitted_filter
+from core.chain.control.controller import BuiltInController
+from core.chain.control.hit_choice import HitCandidate, HitChoice
+from core.chain.control.player import choose_from_rest
 from core.errors import CommandError
-from core.physics.config import Profile
+from core.physics.config import PhysicsConfig, Profile, physics_profile
+from core.physics.constants_file import FittedConstants
 from core.physics.points_file import PointsFile, read_points_file
 from core.trajectory import (
     FilterPredictor,
@@ -49,6 +53,12 @@ class PredictArguments:
     )
     constants: Path | None = flag(CONSTANTS_HELP, "FILE")
     hit_x: float = setting_flag(PaperPredictorConfig, "hit_x_m", "M")
+    hit: HitRule = flag(
+        "chosen: add where the simulated racket would best hit the ball, with the other places and why not there",
+        "|".join(HIT_RULES),
+        "paper",
+        choices=HIT_RULES,
+    )
     out: Path = flag("file for the prediction", "JSON")
     json: bool = flag("print a summary as JSON")
 
@@ -85,8 +95,14 @@ def run(arguments: PredictArguments) -> None:
             where=arguments.points,
             remedy="give a larger --observe-ms",
         )
-    write_text(arguments.out, json.dumps(prediction_json(prediction, t_s[~seen])) + "\n")
-    _say(arguments, prediction, int(seen.sum()), points)
+    found = prediction_json(prediction, t_s[~seen])
+    choice: HitChoice | None = None
+    if arguments.hit == "chosen":
+        controller = BuiltInController().for_physics(_physics(arguments, constants))
+        choice = choose_from_rest(prediction, controller, predictor.bounces_us)
+        found["chosen_hit"] = _choice_json(choice)
+    write_text(arguments.out, json.dumps(found) + "\n")
+    _say(arguments, prediction, choice, int(seen.sum()), points)
 
 
 def prediction_json(prediction: Prediction, later_s: NDArray[np.float64]) -> dict[str, object]:
@@ -128,7 +144,31 @@ def _hit_plane_json(plane: HitPlane) -> dict[str, object]:
     }
 
 
-def _say(arguments: PredictArguments, prediction: Prediction, seen: int, points: PointsFile) -> None:
+def _physics(arguments: PredictArguments, constants: FittedConstants | None) -> PhysicsConfig:
+    """What the stroke is computed with: as the flight is predicted."""
+    if constants is not None:
+        return constants.physics()
+    if arguments.physics is None and arguments.method == "filter":
+        return expected_physics(PhysicsConfig())
+    return physics_profile(arguments.physics or "paper")
+
+
+def _choice_json(choice: HitChoice) -> dict[str, object]:
+    """The chosen point, null if no stroke returns the ball, why none does, and all places in the ball's order."""
+    chosen = None if choice.chosen is None else _place_json(choice.chosen)
+    places = [_place_json(one) for one in choice.candidates]
+    return {"chosen": chosen, "why_not": choice.explanation, "places": places}
+
+
+def _place_json(place: HitCandidate) -> dict[str, object]:
+    landing_m = place.landing_sigma_m if math.isfinite(place.landing_sigma_m) else None
+    judged = {"chance": place.chance, "landing_sigma_m": landing_m, "why_not": place.why_not}
+    return {**_hit_plane_json(place.hit), **judged}
+
+
+def _say(
+    arguments: PredictArguments, prediction: Prediction, choice: HitChoice | None, seen: int, points: PointsFile
+) -> None:
     plane = prediction.hit_plane
     if arguments.json:
         summary = {
@@ -141,6 +181,9 @@ def _say(arguments: PredictArguments, prediction: Prediction, seen: int, points:
             "notes": list(points.notes),
             "out": str(arguments.out),
         }
+        if choice is not None:
+            summary["chosen_hit"] = None if choice.chosen is None else _place_json(choice.chosen)
+            summary["why_not"] = choice.explanation
         say(json.dumps(summary))
         return
     if plane is None:
@@ -152,4 +195,11 @@ def _say(arguments: PredictArguments, prediction: Prediction, seen: int, points:
             f"from {seen} points, {prediction.stage}-bounce: at x = {arguments.hit_x:g} m in {after_ms:.0f} ms, "
             f"y {y:.3f} m, z {z:.3f} m: {arguments.out}"
         )
+    if choice is not None and choice.chosen is not None:
+        x, y, z = choice.chosen.hit.p_world_m
+        after_ms = 1e3 * choice.chosen.hit.t_s - 1e-3 * prediction.t_us
+        place = f"x {x:.2f} m, y {y:.3f} m, z {z:.3f} m"
+        say(f"  best hit in {after_ms:.0f} ms: {place}, chance to return it {choice.chosen.chance:.0%}")
+    elif choice is not None:
+        say(f"  {choice.explanation}")
     print_lines(f"  {arguments.points.name}: {line}" for line in (points.taken_for, *points.notes))

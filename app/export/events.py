@@ -57,7 +57,13 @@ def check_cameras(recording: Recording) -> list[str]:
 
 
 Columns = dict[str, NDArray]
-EXTRA_GROUPS: Final = {"/racket": "t_us", "/racket_targets": "t_us", "/predictions": "t_us", "/episodes": "serve_us"}
+EXTRA_GROUPS: Final = {
+    "/racket": "t_us",
+    "/racket_targets": "t_us",
+    "/predictions": "t_us",
+    "/hit_choices": "t_us",
+    "/episodes": "serve_us",
+}
 """Groups of the chain and the names of their time columns."""
 
 

@@ -12,15 +12,18 @@ from typing import Final
 import numpy as np
 
 from core.chain.control.controller import RacketDecision
+from core.chain.control.hit_choice import HitChoice
 from core.chain.control.player import PlayerState
 from core.errors import LinkError, RallyscopeError, RecordingError
 from core.history.recorded_rally import (
     EPISODES,
+    HIT_CHOICES,
     PREDICTIONS,
     RACKET,
     SCENES_SEEN,
     TARGETS,
     Rows,
+    choice_rows,
     episode_rows,
     prediction_rows,
     racket_rows,
@@ -41,12 +44,13 @@ class LiveRows:
         self._lock = threading.Lock()
         self._parts: dict[str, deque[tuple[int, Rows]]] = {}
         self._last: RacketDecision | None = None
+        self._choice: HitChoice | None = None
 
     def clear(self) -> None:
         """Clear all rows."""
         with self._lock:
             self._parts.clear()
-            self._last = None
+            self._last = self._choice = None
 
     def read_rows(self, group: str) -> Rows | None:
         """All columns of a group, as of a recording in a file; None while there are no rows."""
@@ -62,6 +66,9 @@ class LiveRows:
         """Add the prediction and decision of a step."""
         if state.chain.is_new and state.chain.prediction is not None:
             self._add(PREDICTIONS, state.chain.t_us, prediction_rows(state.chain.prediction, 0))
+        if state.choice is not None and state.choice is not self._choice:
+            self._choice = state.choice
+            self._add(HIT_CHOICES, state.choice.t_us, choice_rows(state.choice, 0))
         if decision is not None:
             self._last = decision
             self._add(TARGETS, decision.t_us, target_rows(decision, 0))
@@ -96,6 +103,7 @@ class _Thought:
 
     prediction: Prediction
     decision: RacketDecision | None
+    choice: HitChoice | None
 
 
 _QueueItem = m.EventBatch | m.WorldState | m.OutcomeNotice | _Thought | None
@@ -132,6 +140,7 @@ class LiveRecorder:
         )
         self._player = player
         self._decision: RacketDecision | None = None  # the writer's thread only
+        self._choice: HitChoice | None = None  # the writer's thread only
         self._scene: str | None = None  # the writer's thread only
         self._zero_us: int | None = 0 if from_start else None
         self._blocks = 0
@@ -190,7 +199,7 @@ class LiveRecorder:
     def _on_snapshot(self, session: str, state: PlayerState, decision: RacketDecision | None) -> None:
         found = state.chain.prediction
         if session == self._session and found is not None:
-            self._queue(_Thought(found, decision))
+            self._queue(_Thought(found, decision, state.choice))
 
     def _queue(self, message: _QueueItem) -> None:
         if self._ending:
@@ -242,6 +251,12 @@ class LiveRecorder:
             self._writer.append_rows(EPISODES, episode_rows(message, made, policy, self._zero_us))
 
     def _write_thought(self, thought: _Thought, zero_us: int) -> None:
+        choice, known = thought.choice, self._choice
+        if choice is not None and choice is not known and choice.t_us >= zero_us:
+            self._choice = choice
+            found = choice_rows(choice, zero_us)
+            if found is not None:
+                self._writer.append_rows(HIT_CHOICES, found)
         rows = prediction_rows(thought.prediction, zero_us)
         if rows is None or thought.prediction.t_us < zero_us:
             return

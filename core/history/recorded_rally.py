@@ -1,6 +1,7 @@
 """Predictions and decisions of a player as groups of a recording: writing and reading.
 
-`/predictions` and `/episodes` hold what the method defines; `/racket_targets` is where the racket was sent.
+`/predictions` and `/episodes` hold what the method defines; `/racket_targets` is where the racket was sent,
+`/hit_choices` where else the ball could have been hit.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.chain.control.controller import RacketDecision
+from core.chain.control.hit_choice import HitChoice
 from core.learning.config import RewardConfig
 from core.learning.task.reward import reward_weights, rewards_of
 from core.live.link import messages as m
@@ -28,6 +30,7 @@ Rows = dict[str, np.ndarray]
 RACKET: Final = "/racket"
 PREDICTIONS: Final = "/predictions"
 TARGETS: Final = "/racket_targets"
+HIT_CHOICES: Final = "/hit_choices"
 EPISODES: Final = "/episodes"
 SCENES_SEEN: Final = "/scenes"
 """Group of a recorded live rally that says which scene was shown from when, and who was in it."""
@@ -53,6 +56,23 @@ def prediction_rows(prediction: Prediction, zero_us: int) -> Rows | None:
         "p_hit_m": hit.p_world_m[None],
         "v_hit_mps": hit.v_world_mps[None],
         "cov": hit.covariance[None],
+    }
+
+
+def choice_rows(choice: HitChoice, zero_us: int) -> Rows | None:
+    """A row for each place that was looked at, in the ball's order; None if the ball comes to none."""
+    places = choice.candidates
+    if not places:
+        return None
+    return {
+        "t_us": np.full(len(places), choice.t_us - zero_us),
+        "t_hit_us": np.array([round(1e6 * one.hit.t_s) - zero_us for one in places]),
+        "p_hit_m": np.array([one.hit.p_world_m for one in places]),
+        "sigma_m": np.array([one.hit.sigma_m for one in places]),
+        "chance": np.array([one.chance for one in places]),
+        "landing_sigma_m": np.array([one.landing_sigma_m for one in places]),
+        "chosen": np.array([one is choice.chosen for one in places]),
+        "why_not": np.array([one.why_not.encode() for one in places], "S64"),
     }
 
 

@@ -219,6 +219,16 @@ _EXACTLY: Final[Mapping[str, Columns]] = {
         "a": VECTOR,
         "g": ColumnKind("fiu", (2,)),
     },
+    "/hit_choices": {
+        "t_us": WHOLE,
+        "t_hit_us": WHOLE,
+        "p_hit_m": VECTOR,
+        "sigma_m": VECTOR,
+        "chance": REAL,
+        "landing_sigma_m": REAL,
+        "chosen": FLAG,
+        "why_not": TEXT,
+    },
     "/episodes": {
         "serve_us": WHOLE,
         "speed_mps": REAL,

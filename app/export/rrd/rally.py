@@ -27,7 +27,7 @@ from app.export.rrd.paths import (
     stacked,
     time_column,
 )
-from app.scene.prediction import CASE_NAMES, CASE_RGB
+from app.scene.prediction import CASE_NAMES, CASE_RGB, PLACE_RGB, REFUSED_RGB
 from core.cameras import Camera
 from core.chain import BallPoint
 from core.geometry import quaternion_from_matrix, xyzw_from_wxyz
@@ -234,6 +234,26 @@ def send_recorded_predictions(stream: rr.RecordingStream, rows: Rows) -> None:
         [(p, np.nan_to_num(sigma))] if ok else [] for p, sigma, ok in zip(rows["p_hit_m"], sigmas, known, strict=True)
     ]
     _send_ellipsoids(stream, f"{PREDICTION}/recorded_hit", time_column(rows["t_us"]), points, RECORDED_RGB)
+
+
+def send_hit_choices(stream: rr.RecordingStream, rows: Rows) -> None:
+    """Send the places where a ball could be hit, or not and why: the chosen one as large as the ball."""
+    times_us, counts = np.unique(rows["t_us"], return_counts=True)
+    chosen, refused = rows["chosen"].astype(bool), rows["why_not"] != b""
+    colours = np.where(refused[:, None], REFUSED_RGB, PLACE_RGB).astype(np.uint8)
+    colours[chosen] = AFTER_RGB
+    chances = [f"{chance:.0%} comes back" for chance in rows["chance"].tolist()]
+    reasons = [why.decode("ascii", "replace") for why in rows["why_not"].tolist()]
+    columns = rr.Points3D.columns(
+        positions=rows["p_hit_m"].astype(np.float32),
+        colors=np.where(chosen[:, None], AFTER_RGB, np.where(refused[:, None], REFUSED_RGB, PLACE_RGB)).astype(
+            np.uint8
+        ),
+        radii=np.where(chosen, BALL_RADIUS_M, BALL_RADIUS_M / 3),
+        labels=[why or chance for why, chance in zip(reasons, chances, strict=True)],
+        show_labels=[False] * len(chosen),
+    )
+    send(stream, f"{PREDICTION}/hit_places", time_column(times_us), columns.partition(counts.astype(np.int32)))
 
 
 def send_racket(stream: rr.RecordingStream, rows: Rows) -> None:

@@ -144,6 +144,7 @@ class RallyWriter:
             ("/racket", "t_us", rrd_rally.send_racket),
             ("/racket_targets", "t_us", rrd_rally.send_racket_targets),
             ("/predictions", "t_us", rrd_rally.send_recorded_predictions),
+            ("/hit_choices", "t_us", rrd_rally.send_hit_choices),
             ("/episodes", "serve_us", rrd_rally.send_episodes),
         ]
         if self._contents.plots:

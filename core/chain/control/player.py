@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -56,6 +56,14 @@ LAST_SWITCH_S: Final = 0.15
 """So short before the hit its place is kept: another one, however good, would cost the motion so far (choice)."""
 COMMAND_S: Final = 0.02
 """From the end of a window until the racket moves by it (our measurement: 18 ms)."""
+
+
+def choose_from_rest(prediction: Prediction, controller: BuiltInController, bounces_us: Sequence[int]) -> HitChoice:
+    """Where the simulated racket would hit the ball if it still waits at home; `bounces_us` are those seen so far."""
+    reach = RacketReach.of_config(RacketConfig())
+    racket = FaceTrajectory(prediction.t_us * 1e-6 + COMMAND_S, np.array(reach.home_m), np.zeros(3))
+    bounced_s = 1e-6 * bounces_us[-1] if bounces_us else None
+    return choose_hit(prediction, controller.strokes(), racket, reach, HitChoiceConfig(), bounced_s=bounced_s)
 
 
 class Player:

@@ -153,6 +153,37 @@ def test_a_malformed_file_is_one_line_with_file_and_row(tmp_path, capsys, text: 
     assert not (tmp_path / "pred.json").exists()
 
 
+def test_the_chosen_hit_is_added_and_the_rest_stays_as_it_was(tmp_path, capsys) -> None:
+    """A slow ball is below the table's top at the plane, and is met over the table."""
+    start, t_s = np.array([0.04, 0.1, 0.045, -2.41, 0.0, 1.62, 0.0, 0.0, 0.0]), np.arange(0, 0.6, 0.004)
+    csv_path = write_points(tmp_path / "slow.csv", 7.0 + t_s, simulate_flight(start, t_s, physics_profile("paper")))
+    plain, chosen = tmp_path / "plain.json", tmp_path / "chosen.json"
+    arguments = ["predict", str(csv_path), "--physics", "paper", "--observe-ms", "300", "--out"]
+    assert main([*arguments, str(plain)]) == 0
+    assert main([*arguments, str(chosen), "--hit", "chosen"]) == 0
+    assert "best hit in" in capsys.readouterr().out
+    found = json.loads(chosen.read_text())
+    added = found.pop("chosen_hit")
+    assert found == json.loads(plain.read_text())
+    assert list(added) == ["chosen", "why_not", "places"] and not added["why_not"]
+    hit, plane = added["chosen"], found["hit_plane"]
+    assert plane["p_world_m"][2] < 0.03, "below the table's top"
+    assert hit["p_world_m"][0] > -1.37 and hit["t_s"] < plane["t_s"] and hit["chance"] > 0.9
+    assert list(hit) == [*plane, "chance", "landing_sigma_m", "why_not"] and hit in added["places"]
+    at_plane = next(one for one in added["places"] if one["p_world_m"][0] == -1.42)
+    assert at_plane["why_not"] == "below the table's top" and at_plane["landing_sigma_m"] is None
+
+
+def test_where_no_stroke_returns_the_ball_predict_says_why(tmp_path, capsys) -> None:
+    t_s = np.arange(0, 0.4, 0.004)
+    beside = simulate_flight(np.array([1.2, 0.0, 0.3, -5.0, 3.5, 0.0, 0, 0, 0]), t_s, physics_profile("paper"))
+    csv_path = write_points(tmp_path / "beside.csv", t_s, beside)
+    out = ["--out", str(tmp_path / "pred.json"), "--physics", "paper", "--hit", "chosen", "--json"]
+    assert main(["predict", str(csv_path), *out]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["chosen_hit"] is None and "it does not bounce on the table" in summary["why_not"]
+
+
 @pytest.mark.parametrize("physics", ["paper", "real"])
 def test_the_filter_finds_out_by_what_physics_a_ball_flies(physics, tmp_path) -> None:
     start = np.array([1.2, 0.1, 0.3, -5.0, 0.2, 1.0, *((30.0, -80.0, 20.0) if physics == "real" else (0.0, 0.0, 0.0))])

@@ -14,10 +14,10 @@ from core.cameras.presets import SENSOR_720
 from core.errors import RecordingError
 from core.events import SensorSize
 from core.history.record_live import LiveRecorder
-from core.history.recorded_rally import PREDICTIONS, REWARD, read_targets
+from core.history.recorded_rally import HIT_CHOICES, PREDICTIONS, REWARD, read_targets
 from core.live.link.client import SimulationClient
 from core.live.link.server import ServerConfig, SimulationServer
-from core.live.live_player import LivePlayer
+from core.live.live_player import LivePlayer, LivePlayerConfig
 from core.live.ring_recording import RingRecording
 from core.recordings import open_recording
 from tests.core.live.stepped import play_block
@@ -86,12 +86,13 @@ def test_a_new_session_ends_the_recording_and_a_file_is_not_overwritten(client, 
 
 @pytest.mark.parametrize("client", [SENSOR_720], indirect=True)
 def test_what_the_player_expected_and_decided_is_read_back(client, tmp_path):
-    player = LivePlayer(client)
-    heard = []
+    player = LivePlayer(client, config=LivePlayerConfig(hit="chosen"))
+    heard, choices = [], []
     eventually(lambda: player.snapshot.t_us > 0, "the first block to be played")
     client.pause()
     recorder = LiveRecorder(client, tmp_path / "played.h5", player=player)
     player.add_listener(lambda session, state, decision: heard.append((state.chain.prediction, decision)))
+    player.add_listener(lambda session, state, decision: choices.append(state.choice))
     play_block(client, player)
     client.serve(5.0)
     while player.snapshot.played == 0:
@@ -104,6 +105,7 @@ def test_what_the_player_expected_and_decided_is_read_back(client, tmp_path):
     with contextlib.closing(open_recording(recorder.path)) as recording:
         predictions, targets = recording.read_rows(PREDICTIONS), read_targets(recording)
         racket, episodes = recording.read_rows("/racket"), recording.read_rows("/episodes")
+        places = recording.read_rows(HIT_CHOICES)
     count = len(predictions["t_us"])
     expected = [one for one, _ in heard if one.hit_plane is not None][:count]
     assert count > 10
@@ -114,6 +116,12 @@ def test_what_the_player_expected_and_decided_is_read_back(client, tmp_path):
         assert found["t_hit_us"] + zero_us == round(1e6 * one.hit_plane.t_s)
         np.testing.assert_array_equal(found["p_hit_m"], one.hit_plane.p_world_m)
         np.testing.assert_array_equal(found["cov"], one.hit_plane.covariance)
+    made = list(dict.fromkeys(one for one in choices if one is not None))
+    assert np.unique(places["t_us"] + zero_us).tolist() == [one.t_us for one in made if one.candidates]
+    looked_at = [(one, place) for one in made for place in one.candidates]
+    assert places["chosen"].tolist() == [place is one.chosen for one, place in looked_at] and places["chosen"].any()
+    assert [why.decode() for why in places["why_not"]] == [place.why_not for _, place in looked_at]
+    np.testing.assert_array_equal(places["p_hit_m"], [place.hit.p_world_m for _, place in looked_at])
     decided = [decision for _, decision in heard if decision is not None][: len(targets)]
     for found, one in zip(targets, decided, strict=True):
         assert found.t_us + zero_us == one.t_us

@@ -87,5 +87,15 @@ def _rally_rows(rng: np.random.Generator) -> dict[str, Rows]:
         | {"p_hit_m": vectors["p_world_m"], "v_hit_mps": vectors["v_world_mps"], "cov": np.tile(np.eye(6), (n, 1, 1))},
         "/racket_targets": hit | vectors | {"q_world_wxyz": q, "a": states["a"], "g": states["g"]},
         "/episodes": {"serve_us": t_us, **about, **states, "q_wxyz": q, "policy": np.full(n, b"oracle", "S32")},
+        "/hit_choices": {
+            "t_us": t_us,
+            "t_hit_us": t_us + 9000,
+            "p_hit_m": vectors["p_world_m"],
+            "sigma_m": vectors["p_world_m"] ** 2,
+            "chance": np.full(n, 0.5),
+            "landing_sigma_m": np.full(n, np.inf),
+            "chosen": np.arange(n) % 2 == 0,
+            "why_not": np.full(n, b"too low", "S64"),
+        },
         "/scenes": {"t_us": t_us[:1], "zero_us": t_us[:1], "seed": t_us[:1], "name": np.array([b"ball"], "S32")},
     }

@@ -1,5 +1,6 @@
 """The Rerun file, judged by Rerun's own command line; its warnings are errors here."""
 
+import csv
 import io
 import subprocess
 import sys
@@ -97,6 +98,14 @@ def test_the_command_line_shows_racket_episodes_predictions_and_labels(serve_rec
     found = entities(out)
     assert {f"world/{name}" for name in ("racket", "racket/blade", "racket_target", "target", "landings")} <= found
     assert {"plots/reward", "world/prediction/recorded_hit", "world/cameras/left/picture/label"} <= found
+    assert "world/prediction/hit_places" in found
+    assert main(["export", str(source), "--csv", str(tmp_path / "tables"), "--end-us", "30000"]) == 0
+    with (tmp_path / "tables" / "hit_choices.csv").open(newline="") as file:
+        places = list(csv.DictReader(file))
+    assert [(one["chosen"], one["chance"], one["why_not"]) for one in places] == [
+        ("1", "0.97", ""),
+        ("0", "0", "too low"),
+    ]
     assert main(words) == 2 and "exists already" in capsys.readouterr().err
     assert main([*words, "--force"]) == 0
     assert "world/cameras/left/picture/label" not in entities(out)
@@ -197,6 +206,12 @@ def _recording_of_a_rally(serve: Path, path: Path) -> Path:
                 "t_us": np.array([10_000, 20_000]), "stage": np.array([b"pre", b"post"]),
                 "t_hit_us": np.array([400_000, 410_000]), "p_hit_m": np.array([[-1.42, 0, 0.2], [np.nan] * 3]),
                 "v_hit_mps": np.zeros((2, 3)), "cov": np.tile(np.eye(6) * 1e-4, (2, 1, 1)),
+            })  # fmt: skip
+            writer.append_rows("/hit_choices", {
+                "t_us": np.array([10_000, 10_000, 40_000]), "t_hit_us": np.array([350_000, 400_000, 400_000]),
+                "p_hit_m": np.array([[-1.2, 0, 0.2], [-1.42, 0, 0.0], [-1.42, 0, 0.0]]), "sigma_m": np.zeros((3, 3)),
+                "chance": np.array([0.97, 0.0, 0.0]), "landing_sigma_m": np.array([0.1, np.inf, np.inf]),
+                "chosen": np.array([True, False, False]), "why_not": np.array([b"", b"too low", b"too low"], "S64"),
             })  # fmt: skip
             writer.append_rows("/episodes", {
                 "serve_us": np.array([0, 50_000]), "speed_mps": np.array([5.0, 5.0]), "s": np.zeros((2, 6)),
