@@ -83,11 +83,14 @@ class BenchArguments:
     elevation_spread: PositiveFloat | None = flag(
         "serves up to so much flatter and steeper than the standard ones, 10 at most (rally)", "DEG", "0"
     )
-    seed: int | None = flag("of the serves (rally)", "N", "2026")
+    seed: int | None = flag(
+        "of the serves (rally), the first one of a part (cameras with --only)", "N", "2026; each part's own"
+    )
     latency: bool = flag("and where the time of live commands goes, without and with a browser (rally)")
     soak: PositiveFloat | None = flag("under load for so long (app)", "MINUTES")
     only: str | None = flag(
-        "return, page, pace or cameras (app); a row (robustness); real-balls (learning); "
+        "return, page, pace or cameras (app); scenes, wrong, alone, faults or pace (cameras); a row (robustness); "
+        "real-balls (learning); "
         "a method (paper-perception with --recorded)",
         "NAME",
         "all",

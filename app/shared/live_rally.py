@@ -377,11 +377,11 @@ class LiveRally:
             self.rows.add_step(state, decision)
 
     def _watch_calibration(self, state: PlayerState) -> None:
-        """Update the calibration drift, in the player's thread; restarted in each session."""
+        """Update the drift, and weigh down the camera it names, in the player's thread; restarted in each session."""
         drift = self._drift
         if drift is None:
             drift = self._drift = CalibrationDrift(self.source.welcome.calibrated())
-        drift.add(state.chain)
+        self.player.distrust(*drift.add(state.chain).distrusted)
 
 
 def was_followed(serve: m.ServeNotice, snapshot: RallySnapshot) -> bool:

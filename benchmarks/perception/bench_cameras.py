@@ -2,8 +2,9 @@
 
 Each serve is simulated once and followed by the chain that `track` runs, with all cameras and with all but one. In the
 rows `wrong NAME` that camera's pixels are replaced, after detection, by those of a point that moves elsewhere. In the
-rows `only NAME` all cameras but that one go blind for 100 ms, 80 ms after the ball came into view. The rows `half
-NAME` and `turned NAME` are those of `camera_faults`.
+rows `only NAME` all cameras but that one go blind for 100 ms, 80 ms after the ball came into view; the row `only one`
+has all of them together, and which direction the stated covariance is right in. The rows `half NAME`, `turned NAME` and
+`named NAME` are those of `camera_faults`.
 """
 
 from __future__ import annotations
@@ -13,18 +14,20 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.machine import describe_machine, report_rows_to
+from benchmarks.perception.camera_faults import FIRST_SEED as FAULTS_SEED
 from benchmarks.perception.camera_faults import SERVES_OF_SPEED, measure_faults
 from core.cameras import Camera, StereoRig, load_calibration
 from core.cameras.presets import CORNERS, camera_preset
 from core.chain import ChainConfig, RallyChain
 from core.chain.follow import Track, follow_recording, true_positions
 from core.detection.window import windows_side_by_side
+from core.errors import CommandError
 from core.events import Events, Window
 from core.live.live_player import LivePlayerConfig
 from core.recordings import BallTruth, Recording, open_recording
@@ -38,6 +41,8 @@ SCENES: Final = ("ball", "person", "rally")
 SPEEDS_MPS: Final = (5.0, 7.0, 9.0)
 SERVES: Final = 2
 FIRST_SEED: Final = 30_000
+PARTS: Final = {"scenes": FIRST_SEED, "wrong": FIRST_SEED, "alone": 920_000, "faults": FAULTS_SEED, "pace": FIRST_SEED}
+"""What `--only` chooses from, with the first seed of each."""
 WINDOW_US: Final = 1000
 WRONG_POINTS: Final = 2000
 SIGMA_PX: Final = 0.2
@@ -54,9 +59,50 @@ WARM_UP: Final = 20
 """First windows that do not count in it."""
 
 
-def run(progress: Callable[[float], None], *, rig: Path | None = None, count: int = SERVES) -> dict[str, object]:
-    """Rows per scene and set of cameras, and the machine."""
+def run(
+    progress: Callable[[float], None],
+    *,
+    rig: Path | None = None,
+    count: int | None = None,
+    only: str | None = None,
+    seed: int | None = None,
+) -> dict[str, object]:
+    """Rows per scene and set of cameras, the paces, and the machine; of one of `PARTS` with `only`.
+
+    Raises:
+        CommandError: if there is no such part, or a seed without one: each has its own.
+    """
+    if only is not None and only not in PARTS:
+        raise CommandError("no such part of `bench cameras`", expected=", ".join(PARTS), got=only)
+    if seed is not None and only is None:
+        raise CommandError("each part has its own seeds", expected="--only PART with --seed", got=str(seed))
     cameras = camera_preset(CORNERS) if rig is None else load_calibration(rig)
+    # The alarm needs so many serves that `count` is theirs only where nothing else is measured.
+    of_faults = SERVES_OF_SPEED if count is None or only is None else count
+    count = SERVES if count is None else count
+    first = {name: default if seed is None else seed for name, default in PARTS.items()}
+    rows: list[Row] = []
+    if only in (None, "scenes"):
+        rows += _scene_rows(progress, cameras, count, first["scenes"])
+    more: list[Row] = []
+    if only in (None, "wrong"):
+        more += [measure_wrong(cameras, name, seed=first["wrong"]) for name in cameras]
+    if only in (None, "alone"):
+        more += measure_alone(cameras, [first["alone"] + number for number in range(len(SPEEDS_MPS) * count)])
+    if only in (None, "faults"):
+        more += measure_faults(cameras, SPEEDS_MPS * of_faults, first["faults"])
+    report_rows_to(progress, more, 1.0)
+    report: dict[str, object] = {"rows": rows + more}
+    if only in (None, "pace"):
+        report["pace"] = measure_pace(cameras, seed=first["pace"])
+        report["live_pace"] = measure_pace(cameras, seed=first["pace"], window_us=LivePlayerConfig().window_us)
+    return report | {"machine": describe_machine("numba", "numpy", clock="only the pace: CPU time of this process")}
+
+
+def _scene_rows(
+    progress: Callable[[float], None], cameras: dict[str, Camera], count: int, first_seed: int
+) -> list[Row]:
+    """Rows with all cameras, and with all but one, of each scene."""
     rows: list[Row] = []
     total = len(SCENES) * len(SPEEDS_MPS) * count
     done = 0
@@ -65,7 +111,7 @@ def run(progress: Callable[[float], None], *, rig: Path | None = None, count: in
         windows: dict[str, int] = {}
         for speed_mps in SPEEDS_MPS:
             for number in range(count):
-                seed = FIRST_SEED + 1000 * SCENES.index(scene) + 100 * int(speed_mps) + number
+                seed = first_seed + 1000 * SCENES.index(scene) + 100 * int(speed_mps) + number
                 for name, track, truth in _tracks(cameras, scene, speed_mps, seed):
                     errors.setdefault(name, []).append(_errors_mm(track, truth))
                     windows[name] = windows.get(name, 0) + track.windows
@@ -74,13 +120,7 @@ def run(progress: Callable[[float], None], *, rig: Path | None = None, count: in
         made = [_row(scene, name, np.concatenate(parts), windows[name]) for name, parts in errors.items()]
         report_rows_to(progress, made, done / total)
         rows += made
-    wrong = [measure_wrong(cameras, name) for name in cameras]
-    alone = measure_alone(cameras, [FIRST_SEED + 90_000 + number for number in range(len(SPEEDS_MPS) * count)])
-    faults = list(measure_faults(cameras, SPEEDS_MPS * SERVES_OF_SPEED))
-    report_rows_to(progress, wrong + alone + faults, 1.0)
-    machine = describe_machine("numba", "numpy", clock="only the pace: CPU time of this process")
-    paces = {"pace": measure_pace(cameras), "live_pace": measure_pace(cameras, window_us=LivePlayerConfig().window_us)}
-    return {"rows": rows + wrong + alone + faults, **paces, "machine": machine}
+    return rows
 
 
 def measure_wrong(cameras: dict[str, Camera], wrong: str, points: int = WRONG_POINTS, seed: int = FIRST_SEED) -> Row:
@@ -105,9 +145,22 @@ def measure_wrong(cameras: dict[str, Camera], wrong: str, points: int = WRONG_PO
     return _row("points alone", f"wrong {wrong}", np.array(moved), points) | {"left_out": left_out / points}
 
 
+class LonePoint(NamedTuple):
+    """A point of one camera that carries a flight on."""
+
+    after_ms: int
+    """Since the others went blind, the start of its quarter."""
+    error_m: Array
+    """(3,)."""
+    covariance_m2: Array
+    """(3, 3), as stated."""
+    axes: Array
+    """(3, 3): along the true flight, up across it, and to its side, a row each."""
+
+
 def measure_alone(cameras: dict[str, Camera], seeds: Sequence[int]) -> list[Row]:
     """Errors of the points of one camera that carries a flight on, and their normalised squared error (1 is ideal)."""
-    found: dict[tuple[str, int], list[tuple[float, float]]] = {}
+    found: dict[str, list[LonePoint]] = {name: [] for name in cameras}
     for seed in seeds:
         serve = replace(LaunchConfig(), speed_mps=SPEEDS_MPS[seed % len(SPEEDS_MPS)])
         with tempfile.TemporaryDirectory() as folder:
@@ -115,21 +168,36 @@ def measure_alone(cameras: dict[str, Camera], seeds: Sequence[int]) -> list[Row]
             simulate_recording(path, StereoConfig(), cameras, [serve], seed=seed)
             with open_recording(path) as recording:
                 for name in cameras:
-                    for age_ms, error_m, covariance_m2 in _alone(recording, cameras, name):
-                        squared = float(error_m @ np.linalg.solve(covariance_m2, error_m)) / 3
-                        step = min(int(age_ms), ALONE_US // 1000 - 1) // ALONE_STEP_MS
-                        row = found.setdefault((name, step), [])
-                        row.append((1e3 * float(np.linalg.norm(error_m)), squared))
-    rows = []
-    for (name, step), values in sorted(found.items()):
-        errors_mm, squared = np.array(values).T
-        row = _row("ball", f"only {name}", errors_mm, len(values))
-        rows.append(row | {"after_ms": ALONE_STEP_MS * step, "nes": round(float(squared.mean()), 2)})
-    return rows
+                    found[name] += _alone(recording, cameras, name)
+    rows: list[Row] = []
+    for name, points in sorted(found.items()):
+        for after_ms in range(0, ALONE_US // 1000, ALONE_STEP_MS):
+            these = [point for point in points if point.after_ms == after_ms]
+            if these:
+                rows.append(_row_alone(name, these) | {"after_ms": after_ms})
+    everything = [point for points in found.values() for point in points]
+    return [*rows, _row_alone("one", everything) | _by_direction(everything)] if everything else rows
 
 
-def _alone(recording: Recording, cameras: dict[str, Camera], name: str) -> Iterator[tuple[float, Array, Array]]:
-    """Age in ms, error (3,) and covariance (3, 3) in m of each point of the camera after the others went blind."""
+def _row_alone(name: str, points: Sequence[LonePoint]) -> Row:
+    errors_mm = 1e3 * np.linalg.norm([point.error_m for point in points], axis=1)
+    squared = [point.error_m @ np.linalg.solve(point.covariance_m2, point.error_m) / 3 for point in points]
+    return _row("ball", f"only {name}", errors_mm, len(points)) | {"nes": round(float(np.mean(squared)), 2)}
+
+
+def _by_direction(points: Sequence[LonePoint]) -> Row:
+    """Root mean square error and stated sigma in mm along the flight, up and to the side."""
+    errors_m2 = np.mean([np.square(point.axes @ point.error_m) for point in points], axis=0)
+    stated_m2 = np.mean([np.diag(point.axes @ point.covariance_m2 @ point.axes.T) for point in points], axis=0)
+    row: Row = {}
+    for axis, name in enumerate(("along", "up", "aside")):
+        row[f"{name}_mm"] = round(1e3 * float(np.sqrt(errors_m2[axis])), 3)
+        row[f"{name}_stated_mm"] = round(1e3 * float(np.sqrt(stated_m2[axis])), 3)
+    return row
+
+
+def _alone(recording: Recording, cameras: dict[str, Camera], name: str) -> Iterator[LonePoint]:
+    """The points of the camera after the others went blind."""
     assert recording.ball is not None
     chain, blind_us = RallyChain(cameras), None
     for windows in windows_side_by_side(recording.cameras, 0, recording.duration_us, WINDOW_US):
@@ -149,9 +217,20 @@ def _alone(recording: Recording, cameras: dict[str, Camera], name: str) -> Itera
         if blind_us is None:
             blind_us = point.t_us + SEEN_US
         elif start_us >= blind_us and len(point.uvs_px) == 1:
-            error_m = point.p_world_m - true_positions(recording.ball, point.t_us)[0]
-            if np.isfinite(error_m).all():
-                yield 1e-3 * (point.t_us - blind_us), error_m, point.covariance_m2
+            before, true, after = true_positions(recording.ball, point.t_us + np.array([-1000, 0, 1000]))
+            axes = _flight_axes(after - before)
+            if np.isfinite(axes).all() and np.isfinite(true).all():
+                age_ms = min(max(point.t_us - blind_us, 0), ALONE_US - 1) // 1000
+                after_ms = age_ms - age_ms % ALONE_STEP_MS
+                yield LonePoint(after_ms, point.p_world_m - true, point.covariance_m2, axes)
+
+
+def _flight_axes(along: Array) -> Array:
+    """(3, 3) unit rows: along a movement (3,), up across it, to its side."""
+    along = along / np.linalg.norm(along)
+    aside = np.cross(along, (0.0, 0.0, 1.0))
+    aside /= np.linalg.norm(aside)
+    return np.array([along, np.cross(aside, along), aside])
 
 
 def measure_pace(
@@ -159,8 +238,8 @@ def measure_pace(
 ) -> Row:
     """CPU time of the chain for a millisecond of all cameras: a serve, and so many random events per pixel and second.
 
-    Of the whole process; the cameras' detectors could share it between cores. The serve is followed twice, and the
-    second time counts: the first compiles what a prediction needs.
+    Of the whole process, which uses one core. The serve is followed twice, and the second time counts: the first
+    compiles what a prediction needs. `p10` is what it takes while nobody else uses core and caches.
     """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "serve.h5"
@@ -168,13 +247,14 @@ def measure_pace(
         with open_recording(path) as recording:
             _step_times_ms(recording, cameras, noise_hz, seed, window_us)
             steps_ms, events = _step_times_ms(recording, cameras, noise_hz, seed, window_us)
-    p50, p95 = np.percentile(steps_ms[WARM_UP:], [50, 95])
+    p10, p50, p95 = np.percentile(steps_ms[WARM_UP:], [10, 50, 95])
     return {
         "cameras": len(cameras),
         "noise_hz": noise_hz,
         "window_us": window_us,
         "events_per_window": round(events / len(steps_ms)),
         "cpu_ms_per_ms": round(float(np.mean(steps_ms[WARM_UP:])), 3),
+        "p10": round(float(p10), 3),
         "p50": round(float(p50), 3),
         "p95": round(float(p95), 3),
     }

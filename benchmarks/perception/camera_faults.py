@@ -2,7 +2,8 @@
 
 The serves of a rig are simulated once, one after the other, and followed by the chain that `track` runs. In the rows
 `half NAME` the events of that camera's left or right half are left out; in the rows `turned NAME` the chain believes a
-pose that moves that camera's picture by half a pixel, and the row has what the alarm says of it.
+pose that moves that camera's picture by half a pixel, and the row has what the alarm says of it. In the rows `named
+NAME` the chain believes that pose too, and weighs the camera from the start as it does once the alarm has named it.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ HALVES: Final = ("left", "right")
 
 
 def measure_faults(cameras: Mapping[str, Camera], speeds_mps: Sequence[float], seed: int = FIRST_SEED) -> Iterator[Row]:
-    """Rows `all`, `half NAME` and `turned NAME` of one recording of a serve of each speed."""
+    """Rows `all`, `half NAME`, `turned NAME` and `named NAME` of one recording of a serve of each speed."""
     serves = [replace(LaunchConfig(), speed_mps=speed_mps) for speed_mps in speeds_mps]
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "serves.h5"
@@ -52,8 +53,10 @@ def measure_faults(cameras: Mapping[str, Camera], speeds_mps: Sequence[float], s
                     yield _row(f"half {name}", *_followed(recording, cameras, blind=(name, half))) | {"half": half}
             rng = np.random.default_rng(seed)
             for name in cameras:
-                errors_mm, report = _followed(recording, turned(cameras, name, TURNED_PX, rng))
+                believed = turned(cameras, name, TURNED_PX, rng)
+                errors_mm, report = _followed(recording, believed)
                 yield _row(f"turned {name}", errors_mm, report) | {"named": report.camera}
+                yield _row(f"named {name}", *_followed(recording, believed, named=name))
 
 
 def turned(cameras: Mapping[str, Camera], name: str, off_px: float, rng: np.random.Generator) -> dict[str, Camera]:
@@ -73,7 +76,10 @@ def without_half(window: Window, half: str) -> Window:
 
 
 def _followed(
-    recording: Recording, believed: Mapping[str, Camera], blind: tuple[str, str] | None = None
+    recording: Recording,
+    believed: Mapping[str, Camera],
+    blind: tuple[str, str] | None = None,
+    named: str | None = None,
 ) -> tuple[Array, DriftReport]:
     """Errors (N,) of the points in mm, and what is said of the calibration at the end."""
     assert recording.ball is not None
@@ -84,7 +90,8 @@ def _followed(
         if blind is not None and blind[0] in windows:
             windows = {**windows, blind[0]: without_half(windows[blind[0]], blind[1])}
         state = chain.step(windows)
-        drift.add(state)
+        report = drift.add(state)
+        chain.distrust(*((named, TURNED_PX) if named is not None else report.distrusted))
         if state.point is not None:
             t_us.append(state.point.t_us)
             ps.append(state.point.p_world_m)

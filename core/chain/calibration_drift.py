@@ -70,6 +70,13 @@ class DriftReport:
     alarm: bool = False
     camera: str | None = None
     """The one of three cameras or more that was moved: all pairs without it fit. None if that is not so of one only."""
+    camera_px: float = 0.0
+    """By so much its picture is surely off."""
+
+    @property
+    def distrusted(self) -> tuple[str | None, float]:
+        """The arguments of `RallyChain.distrust`: who is named while the alarm rings."""
+        return (self.camera, self.camera_px) if self.alarm else (None, 0.0)
 
 
 class CalibrationDrift:
@@ -116,7 +123,8 @@ class CalibrationDrift:
         surely_px = {two: max(self._surely_px(drift), 0.0) for two, drift in found.items()}
         camera, camera_px = _moved_camera(surely_px, self.config.over_px)
         alarm = goes_on or max(surely_px[pair], camera_px) > self.config.alarm_px
-        return DriftReport(len(self._pairs[pair].rows), self.config.points_at_least, pair, worst, alarm, camera)
+        points = len(self._pairs[pair].rows)
+        return DriftReport(points, self.config.points_at_least, pair, worst, alarm, camera, camera_px)
 
     def _surely_px(self, drift: EpipolarDrift) -> float:
         return self._drift_px(drift, self.config.sure_sigmas)

@@ -213,6 +213,7 @@ class RallyChain:
         self._single: SingleView | None = None
         if enough and isinstance(self._predictor, FilterPredictor):
             self._single = SingleView(cameras, self.rig, self.config, self._predictor, self._size)
+        self._distrusted: tuple[str | None, float] = (None, 0.0)
 
     def reset(self) -> None:
         """Forget everything: the regions of interest too, and what was learnt of air and table."""
@@ -223,6 +224,17 @@ class RallyChain:
             self._size.reset()
         self.forget_flight()
         self._predictor.forget()
+        self.distrust(None)
+
+    def distrust(self, camera: str | None, off_px: float = 0.0) -> None:
+        """Weigh a camera's pixels from now on as if its picture were off by `off_px` along each axis; None: no camera.
+
+        The camera is used: what it alone sees beside one other is better than nothing, and its points then have the
+        covariance that they deserve.
+        """
+        self._distrusted = camera, off_px
+        if self._single is not None:
+            self._single.distrusted = self._distrusted
 
     @property
     def learned(self) -> LearnedConstants | None:
@@ -284,6 +296,11 @@ class RallyChain:
         if together is None:
             return None, None
         t_us, uvs, covariances = together
+        if self._distrusted[0] is not None:
+            row, covariances = self.rig.names.index(self._distrusted[0]), covariances.copy()
+            if np.isnan(covariances[row]).any():  # as the triangulation reads it
+                covariances[row] = self.config.triangulation.sigma_px**2 * np.eye(2)
+            covariances[row] += self._distrusted[1] ** 2 * np.eye(2)
         # Without a point the detections go back: each may still be the ball, seen by one camera alone.
         found = self.rig.triangulate_one(uvs, covariances)
         if found is None:

@@ -88,11 +88,15 @@ class SingleViewConfig:
     gate_sigmas: float = setting(5.0, 1.0, 20.0)
     """A pixel farther from the expected one is of something else (choice: a right one in 300,000)."""
     offset_mm: float = setting(0.12, 0.0, 100.0)
-    """Common error of all points of a flight along each axis (standard deviation), which the filter cannot see: added
-    to what is said of a point. By 12 simulated serves of 5 to 9 m/s before four cameras."""
+    """Common vertical error of all points of a flight (standard deviation), which the filter cannot see: light from
+    above moves the ball's picture up or down in every camera. Nothing moves it sideways in all of them; there the
+    filter's own covariance is right. By 12 simulated serves of 5 to 9 m/s before four cameras."""
     offset_mmps: float = setting(1.0, 0.0, 1000.0)
     """Growth of that error since several cameras saw the ball (standard deviation): the velocity errs with the points.
-    By the same serves; 36 unseen ones have a normalised squared error of 1.0 to 1.1."""
+    By the same serves."""
+    delay_us: float = setting(50.0, 0.0, 10_000.0)
+    """The sensor's delay is known to so much (standard deviation, as in the filter's `ahead_m`, which is a length that
+    holds for 6 m/s): a faster ball may be farther ahead, and that is added along the flight."""
     largest_sigma_mm: float = setting(5.0, 0.1, 1000.0)
     """A place known less well along its worst direction is not given as a point (choice)."""
 

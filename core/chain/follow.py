@@ -90,7 +90,7 @@ def follow_recording(
     seen_by_all = 0
     for number, windows in enumerate(side_by_side):
         state = chain.step(windows)
-        drift.add(state)
+        chain.distrust(*drift.add(state).distrusted)
         seconds.append(state.seconds.total)
         seen_by_all += all(found is not None for found in state.detections.values())
         if state.point is not None:

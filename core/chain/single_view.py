@@ -50,6 +50,8 @@ class SingleView:
         self._config = config.single_view
         self._sigma_px = config.triangulation.sigma_px
         self._max_late_us = round(1000 * config.max_lag_ms)
+        self.distrusted: tuple[str | None, float] = (None, 0.0)
+        """See `RallyChain.distrust`."""
         self.reset()
 
     def reset(self) -> None:
@@ -74,8 +76,7 @@ class SingleView:
         if newest is None or position is None:
             return None
         since_ms = 1e-3 * (newest[1].t_us - (self._several_us or 0))
-        common_mm = np.hypot(self._config.offset_mm, self._config.offset_mmps * 1e-3 * since_ms)
-        p, covariance = position.p_world_m, position.covariance_m2 + (1e-3 * common_mm) ** 2 * np.eye(3)
+        p, covariance = position.p_world_m, position.covariance_m2 + self._common_m2(since_ms)
         sigma_m = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
         if not sigma_m <= 1e-3 * self._config.largest_sigma_mm:
             return None
@@ -83,6 +84,18 @@ class SingleView:
         uv = found.u_px, found.v_px
         away_px = float(np.linalg.norm(self._cameras[name].project(p)[0] - uv))
         return BallPoint(found.t_us, p, away_px, covariance, {name: uv})
+
+    def _common_m2(self, since_ms: float) -> Array:
+        """(3, 3) covariance of what all points of the flight err alike and the filter does not know of."""
+        up_mm = np.hypot(self._config.offset_mm, self._config.offset_mmps * 1e-3 * since_ms)
+        covariance = np.diag([0.0, 0.0, (1e-3 * up_mm) ** 2])
+        velocity = self.predictor.state[3:6]
+        speed = float(np.linalg.norm(velocity))
+        # As much as `ahead_m` is in the filter's covariance already.
+        beyond_m2 = (1e-6 * self._config.delay_us * speed) ** 2 - self.predictor.config.ahead_m**2
+        if beyond_m2 > 0:
+            covariance += beyond_m2 * np.outer(velocity / speed, velocity / speed)
+        return covariance
 
     def _take(self, name: str, found: Detection) -> bool:
         """Whether the detection moved the estimate."""
@@ -94,9 +107,10 @@ class SingleView:
             return False
         known = found.centre_covariance_px2
         noise = self._sigma_px**2 * np.eye(2) if known is None else known
+        off_px = self.distrusted[1] if name == self.distrusted[0] else 0.0
         seen = PixelObservation(
             np.array([found.u_px, found.v_px]),
-            noise + self._config.floor_px**2 * np.eye(2),
+            noise + (self._config.floor_px**2 + off_px**2) * np.eye(2),
             self._rig.camera_arrays(name),
             self._config.gate_sigmas**2,
         )

@@ -131,7 +131,7 @@ class Following:
                 return
             state = player.step(windows)
             self.history.add_step(state)
-            self.drift.add(state.chain)
+            player.chain.distrust(*self.drift.add(state.chain).distrusted)
             if judge is not None:
                 note_stroke(self.history, judge.step(state.chain, self.history.recorded_target(state.chain.t_us)))
             self.share = state.chain.t_us / duration_us

@@ -181,10 +181,13 @@ class LivePlayer:
             self._woken = True
 
     def add_listener(self, listener: StateListener) -> None:
-        """Add a listener for every new prediction, called in the player's thread: session, state, and the decision if
-        one was sent.
-        """
+        """Add a listener for every new prediction, in the player's thread: session, state, decision if one was sent."""
         self._listeners = (*self._listeners, listener)
+
+    def distrust(self, camera: str | None, off_px: float) -> None:
+        """See `RallyChain.distrust`; for step listeners, which are called in the thread of the chain."""
+        if self._player is not None:
+            self._player.chain.distrust(camera, off_px)
 
     def add_step_listener(self, listener: StateListener) -> None:
         """Add a listener for every step, also without a new prediction."""

@@ -98,6 +98,8 @@ def test_one_camera_of_four_that_is_half_a_pixel_off_is_named_and_a_third_of_a_p
         reports[off_px] = monitor.report
     assert reports[0.5].alarm and reports[0.5].camera == name
     assert not reports[0.3].alarm
+    assert reports[0.5].distrusted == (name, pytest.approx(0.5, abs=0.1))
+    assert reports[0.3].distrusted == (None, 0.0)
 
 
 @pytest.mark.parametrize(("name", "axis_deg"), [("near_left", 30), ("far_left", 150)])

@@ -101,6 +101,34 @@ def test_one_camera_carries_a_flight_on_for_100_ms_and_says_how_well() -> None:
     assert states[-1].point is not None and len(states[-1].point.uvs_px) == 4
 
 
+def covariance_alone(**single_view: float) -> np.ndarray:
+    """(3, 3) stated 40 ms after the other cameras went blind."""
+    chain = chain_of(tuple(CAMERAS), **single_view)
+    point = follow(chain, lambda name, k: k if k < 50 or name == "near_left" else None, 91)[-1].point
+    assert point is not None and len(point.uvs_px) == 1
+    return point.covariance_m2
+
+
+def test_what_all_points_err_alike_is_upwards_and_along_the_flight_only() -> None:
+    filters_own = covariance_alone(offset_mm=0.0, offset_mmps=0.0, delay_us=0.0)
+    upwards = covariance_alone(offset_mm=0.5, offset_mmps=0.0, delay_us=0.0) - filters_own
+    assert upwards == pytest.approx(np.diag([0.0, 0.0, 0.25e-6]), abs=1e-12)
+    later = covariance_alone(offset_mm=0.0, offset_mmps=10.0, delay_us=0.0) - filters_own
+    assert later == pytest.approx(np.diag([0.0, 0.0, (10e-3 * 0.041) ** 2]), rel=0.1, abs=1e-12)
+
+
+def test_a_delay_counts_by_the_speed_as_far_as_the_filter_does_not_know_it() -> None:
+    filters_own = covariance_alone(offset_mm=0.0, offset_mmps=0.0, delay_us=0.0)
+    slow = covariance_alone(offset_mm=0.0, offset_mmps=0.0, delay_us=40.0)
+    assert np.array_equal(slow, filters_own), "0.24 mm at 6 m/s, of which the filter expects 0.3"
+    fast = covariance_alone(offset_mm=0.0, offset_mmps=0.0, delay_us=100.0) - filters_own
+    x = START.copy()
+    fly_and_bounce(x, 0.09, 0.0)
+    along = x[3:6] / np.linalg.norm(x[3:6])
+    assert along @ fast @ along == pytest.approx((100e-6 * np.linalg.norm(x[3:6])) ** 2 - 0.0003**2, rel=0.02)
+    assert np.trace(fast) == pytest.approx(along @ fast @ along, rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("names", "settings"),
     [(tuple(CAMERAS), {"least_cameras": 5}), (("near_left", "far_right"), {}), (tuple(CAMERAS), {"longest_ms": 0.0})],
@@ -166,3 +194,58 @@ def test_a_third_camera_that_sees_seldom_or_answers_late_still_helps() -> None:
     late = sigma_of_bounce(lambda k: k + 0.4, late_ms=4)
     assert seldom < 0.99 * never
     assert late < 0.95 * never
+
+
+OFF_PX: Final = 0.6
+
+
+def misses_with(distrusted: str | None, cameras: tuple[str, ...] = tuple(CAMERAS)) -> tuple[list[float], list[float]]:
+    """Errors in m, and the stated ones, while far_left sees everything a little beside its place."""
+    chain = chain_of(cameras)
+    chain.distrust(distrusted, OFF_PX)
+    misses, stated = [], []
+    for k in range(1, 60):
+        windows = {name: window(CAMERAS[name], k, k, OFF_PX * (name == "far_left")) for name in cameras}
+        point = chain.step(windows).point
+        assert point is not None and set(point.uvs_px) == set(cameras)
+        misses.append(float(np.linalg.norm(point.p_world_m - place(1e-3 * point.t_us))))
+        stated.append(float(np.sqrt(np.trace(point.covariance_m2))))
+    return misses, stated
+
+
+def test_a_distrusted_camera_decides_less_where_others_see_the_ball_too() -> None:
+    believed, distrusted = misses_with(None)[0], misses_with("far_left")[0]
+    assert np.median(distrusted) < 0.4 * np.median(believed)
+    assert np.median(misses_with("near_left")[0]) > np.median(believed)
+
+
+def test_beside_one_other_it_is_used_and_says_how_badly_the_place_is_known() -> None:
+    pair = ("near_left", "far_left")
+    believed, stated = misses_with(None, pair)
+    distrusted, stated_of_it = misses_with("far_left", pair)
+    assert distrusted == believed
+    assert np.median(stated) < 0.6 * np.median(believed) < 0.6 * np.median(stated_of_it)
+
+
+def test_nobody_is_distrusted_after_a_reset() -> None:
+    chain = chain_of(tuple(CAMERAS))
+    chain.distrust("far_left", OFF_PX)
+    chain.reset()
+
+    def point(which: RallyChain) -> bytes:
+        found = which.step({name: window(CAMERAS[name], 1, 1, name == "far_left") for name in CAMERAS}).point
+        assert found is not None
+        return found.p_world_m.tobytes() + found.covariance_m2.tobytes()
+
+    assert point(chain) == point(chain_of(tuple(CAMERAS)))
+
+
+def test_a_distrusted_camera_that_is_alone_moves_the_flight_less() -> None:
+    sigmas = []
+    for off_px in (0.0, OFF_PX):
+        chain = chain_of(tuple(CAMERAS))
+        chain.distrust("near_left", off_px)
+        point = follow(chain, lambda name, k: k if k < 50 or name == "near_left" else None, 91)[-1].point
+        assert point is not None and point.uvs_px.keys() == {"near_left"}
+        sigmas.append(np.sqrt(np.trace(point.covariance_m2)))
+    assert sigmas[1] > 1.05 * sigmas[0]
