@@ -17,7 +17,6 @@ from typing import Final
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from numpy.typing import NDArray
 from pyarrow import parquet
 
@@ -165,9 +164,15 @@ def _condition(text: str) -> BallCondition:
 
 def select_rows(table: pa.Table, conditions: Sequence[BallCondition]) -> NDArray[np.int64]:
     """Numbers of the rows that meet all conditions, ascending; what is not known meets none."""
-    numbered = table.append_column("row", pa.array(np.arange(len(table))))
+    keep = np.ones(len(table), np.bool_)
     for one in conditions:
-        column = pc.field(one.column)
-        met = column.isin(list(one.texts)) if one.texts else (column >= one.low) & (column <= one.high)
-        numbered = numbered.filter(met)
-    return numbered.column("row").to_numpy()
+        column = table.column(one.column).combine_chunks()
+        if one.texts:
+            coded = column.dictionary_encode()
+            wanted = [text in one.texts for text in coded.dictionary.to_pylist()]
+            keep &= np.array([*wanted, False])[coded.indices.fill_null(-1).to_numpy()]  # -1: the last, not wanted
+        else:
+            # In NumPy: an expression of pyarrow narrows the limits to 32 bits, and fails for most times.
+            values = column.to_numpy(zero_copy_only=False)
+            keep &= (values >= one.low) & (values <= one.high)
+    return np.flatnonzero(keep)

@@ -37,6 +37,7 @@ BENCHES = {
     "learning": "learning.bench_learning",
     "labels": "labels.bench_labels",
     "export": "app.bench_export",
+    "balls": "app.bench_balls",
     "app": "app.bench_app",
 }
 """The module of the folder benchmarks/ that measures each."""

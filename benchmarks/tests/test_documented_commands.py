@@ -22,6 +22,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.long]
 HERE = Path(__file__).parent
 SMALLEST = {"--count": "1", "--balls": "1", "--trials": "1", "--speeds": "5"}
 CONSTANTS: dict[str, dict[str, object]] = {
+    "balls": {"BALLS": 100, "BALLS_OF_RECORDING": 10, "REPEATS": 1},
     "cameras": {"SCENES": ("ball",), "SPEEDS_MPS": (5.0,)},
     "detection": {"CASES": (("paper", 0.1),), "SPEEDS_MPS": (5.0,), "WINDOWS_TIMED": 5},
     "export": {"SECONDS": 1, "SERVES": 1},

@@ -80,6 +80,8 @@ def test_the_joined_table_has_all_columns_in_order() -> None:
         ("outcome=net|returned", [0, 1]),
         ("spin_radps=..", [2]),
         ("number=2", [2]),
+        ("t_us=5..59507442", [1]),
+        ("t_us=59507442.. number=..3", [0]),
         ("labels=1..", [1]),
         ("name='a b' error_m=..1", [1]),
         ("name=r", []),

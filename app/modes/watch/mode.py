@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from app.background.jobs import LatestWins
 from app.modes.mode import Middle, ModeHost, do_in_pool
+from app.modes.watch.balls_panel import BallsPanel
 from app.modes.watch.cameras_panel import CamerasPanel, sighting_of
 from app.modes.watch.commands import EnlargeCamera, SetPrediction
 from app.modes.watch.learning import LearningPanel
@@ -77,6 +78,7 @@ class WatchMode:
             self._table = TablePanel(gui, host)
             self._board = BoardPanel(gui, host)
             self._sweep = SweepPanel(gui, host)
+            self._balls = BallsPanel(gui, host)
             self._missed = MissedBallSearch(host)
             self._simulation: SimulationPanel | None = None
             self._source: SourcePanel | None = None
@@ -154,6 +156,7 @@ class WatchMode:
         self._table.show(state, live, flat=self.middle == "events")
         self._board.show(state, now_us, wall_s, flat=self.middle == "events")
         self._sweep.show(state, flat=self.middle == "events")
+        self._balls.tick(wall_s)
         self._missed.tick(None if self._rally is None else self._rally.history, now_us, wall_s)
         self._show_controls(live, wall_s)
         self._show_staleness(self._freshness.staleness(wall_s, moving=state.playhead.playing))
@@ -227,6 +230,7 @@ class WatchMode:
         self._missed.close()
         self._table.close()
         self._board.close()
+        self._balls.close()
         self._pictures.close()
         self._lead_times.close()
 

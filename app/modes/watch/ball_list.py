@@ -1,0 +1,89 @@
+"""The list of balls in Watch: what is selected of the index, a page of it as a table, and links to its moments."""
+
+from __future__ import annotations
+
+import urllib.parse
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app import theme
+from app.formatting import html_text
+from app.modes.watch.figures import muted
+from app.shared.ball_index import BallIndex
+
+ROWS: Final = 12
+"""Rows of a page."""
+LONGEST_NAME: Final = 18
+TITLES: Final = ("ball", "m/s", "rad/s", "net, m", "")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BallQuery:
+    """Conditions to select balls by."""
+
+    index: BallIndex
+    conditions: str
+
+
+def select_balls(request: BallQuery) -> NDArray[np.int64]:
+    """Rows of the index that meet the conditions.
+
+    Raises:
+        ConfigError: if a condition is none.
+    """
+    from labels.ball_table import parse_conditions, select_rows  # late: pyarrow may be missing, see `index_balls`
+
+    return select_rows(request.index.table, parse_conditions(request.conditions))
+
+
+def moment_link(recording: str, mode: str, t_us: int) -> str:
+    """What stands behind the # of an address that shows a moment of a recording of the library in a mode.
+
+    It has no version: so it names no settings, and changes none.
+    """
+    return urllib.parse.urlencode({"recording": recording, "mode": mode, "t": t_us})
+
+
+def balls_html(rows: Sequence[Mapping[str, object]], links: Sequence[str | None]) -> str:
+    """A row per ball: what and when, speed, spin with its uncertainty, height at the net, outcome.
+
+    The first is a link to its moment; a ball of a run has none.
+    """
+    head = "".join(f"<th style='text-align:left;font-weight:400;color:{theme.MUTED}'>{title}</th>" for title in TITLES)
+    lines = "".join(f"<tr>{_cells(row, link)}</tr>" for row, link in zip(rows, links, strict=True))
+    return (
+        "<table style='font-size:12px;margin:2px 12px;width:calc(100% - 24px);line-height:1.4;border-spacing:0'>"
+        f"<tr>{head}</tr>{lines}</table>"
+    )
+
+
+def count_html(found: BallIndex, selected: int, first: int) -> str:
+    """How many balls are selected, which are shown, and what is not in the list."""
+    shown = f", {first + 1:,} to {min(first + ROWS, selected):,} shown" if selected else ""
+    lines = [f"<b>{selected:,}</b> of {len(found.table):,} events{shown}"]
+    if found.unknown:
+        lines.append(muted(f"{len(found.unknown):,} recordings say nothing of their balls"))
+    lines += [muted(html_text(f"not read: {text}")) for text in list(found.failed.values())[:3]]
+    return f"<div style='font-size:12.5px;padding:2px 12px;line-height:1.45'>{'<br>'.join(lines)}</div>"
+
+
+def _cells(row: Mapping[str, object], link: str | None) -> str:
+    t_us, kind = row["t_us"], html_text(str(row["kind"]))
+    when = f"{t_us / 1e6:.6f} s" if isinstance(t_us, int) else f"ball {row['number']}"
+    what = f"{kind} {when}"
+    if link is not None:
+        what = f"<a href='#{html_text(link, len(link))}' style='color:#ffb066'>{what}</a>"
+    name = muted(html_text(str(row["name"]), LONGEST_NAME))
+    spin, sigma = _figure(row["spin_radps"], 0), row["spin_sigma_radps"]
+    spin += f" &plusmn; {sigma:.0f}" if isinstance(sigma, float) and sigma > 0 else ""
+    outcome = html_text(str(row["outcome"] or "").replace("_", " "))
+    cells = (f"{what}<br>{name}", _figure(row["speed_mps"], 2), spin, _figure(row["net_z_m"], 2), outcome)
+    return "".join(f"<td style='vertical-align:top;padding-right:6px'>{cell}</td>" for cell in cells)
+
+
+def _figure(value: object, digits: int) -> str:
+    return f"{value:.{digits}f}" if isinstance(value, float) else "-"
