@@ -330,6 +330,7 @@ class LabelMode:
         """Whether what this act judges is still to come."""
         return (
             name in ("accept_segment", "accept_flight")
+            and self.middle == "sheet"  # in space and time no picture comes on which it could be judged
             and self._suggestions is not None
             and not self._suggestions.segment_due
         )

@@ -120,6 +120,14 @@ def test_the_buttons_of_undo_and_redo_are_grey_before_anything_is_labelled(hand:
     eventually(lambda: hand.offers() == (False, False), "neither to be offered", hand.offers)
 
 
+def test_in_space_and_time_enter_waits_for_no_picture_and_accepts_nothing(hand: Hand) -> None:
+    hand.mode._host.later(lambda: hand.editor.change_view({"in_space": True}))
+    eventually(lambda: hand.mode.middle == "space", "the events in space and time")
+    hand.keys("next", "accept_segment", "next")
+    eventually(lambda: hand.work.t_us == BALL_US + 4000, "all keys to be done", lambda: hand.work.t_us)
+    assert not hand.work.here.labels
+
+
 def test_escape_forgets_what_waits(hand: Hand, monkeypatch: pytest.MonkeyPatch) -> None:
     pressed, find = threading.Event(), suggestions.propose
 
