@@ -82,11 +82,11 @@ class ServeArguments:
         "filter",
         choices=PREDICTIONS,
     )
-    hit: HitRule = flag(
+    hit: HitRule | None = flag(
         "where the live rally meets the ball: chosen, along its flight within the racket's reach; paper, at the plane "
         "5 cm behind the table",
         "|".join(HIT_RULES),
-        "paper",
+        "chosen; with --robot, paper",
         choices=HIT_RULES,
     )
     rerun: str | None = flag("a Rerun viewer that Export may stream to", "rerun+http://HOST:PORT/proxy")
@@ -148,7 +148,8 @@ def run(arguments: ServeArguments) -> None:
             viewer_address=arguments.rerun,
             places=places,
             prediction=arguments.prediction,
-            hit=arguments.hit,
+            # Of a robot that states no limits it is not known that it can go elsewhere.
+            hit=arguments.hit or ("chosen" if arguments.robot is None else "paper"),
             constants=constants,
         )
         if startup is not None:

@@ -44,7 +44,7 @@ class LivePlayerConfig:
     chain: ChainConfig = field(default_factory=ChainConfig)
     window_us: int = setting(2000, 200, 10_000)
     """Length of a window of events, a whole part of a block."""
-    hit: HitRule = "paper"
+    hit: HitRule = "chosen"
     """Where the built-in controller meets the ball: `chosen` along its flight, or always at the `paper`'s plane."""
     knows_physics: bool = False
     """Whether chain and controller get the simulation's exact physics; otherwise they learn it."""

@@ -246,9 +246,7 @@ def send_hit_choices(stream: rr.RecordingStream, rows: Rows) -> None:
     reasons = [why.decode("ascii", "replace") for why in rows["why_not"].tolist()]
     columns = rr.Points3D.columns(
         positions=rows["p_hit_m"].astype(np.float32),
-        colors=np.where(chosen[:, None], AFTER_RGB, np.where(refused[:, None], REFUSED_RGB, PLACE_RGB)).astype(
-            np.uint8
-        ),
+        colors=colours,
         radii=np.where(chosen, BALL_RADIUS_M, BALL_RADIUS_M / 3),
         labels=[why or chance for why, chance in zip(reasons, chances, strict=True)],
         show_labels=[False] * len(chosen),
