@@ -31,5 +31,8 @@ def test_a_logarithmic_scale_has_no_place_for_a_missing_value() -> None:
 
 
 def test_the_chart_of_errors_has_lines_at_powers_of_ten_and_the_others_what_fits() -> None:
-    assert train_axes("error_mm", (10.0, 10_000.0))[1].get("splits") == (10.0, 100.0, 1_000.0, 10_000.0)
-    assert "splits" not in train_axes("reward", (-1.1, 4.1))[1] and "splits" not in train_axes("error_mm", (10, 100))[0]
+    of_errors, of_rewards = (
+        train_axes(name, ends, (), 1) for name, ends in (("error_mm", (10, 1e4)), ("reward", (0, 4)))
+    )
+    assert of_errors[1].get("splits") == (10.0, 100.0, 1_000.0, 10_000.0)
+    assert "splits" not in of_rewards[1] and "splits" not in of_errors[0]

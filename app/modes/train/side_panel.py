@@ -99,7 +99,7 @@ class ChartsPanel:
         for name, chart in self._charts.items():
             chart.data = (data.axis, *columns[name])
             y_range = _range_of(name, columns[name])
-            scales, axes = _scales(data.end, name, y_range), _axes(name, y_range, data)
+            scales, axes = _scales(data.end, name, y_range), _axes(name, y_range, data.stages, data.end)
             if (scales, axes) != (chart.scales, chart.axes):
                 chart.scales, chart.axes = scales, axes
 
@@ -177,7 +177,7 @@ def _add_chart(
         (data.axis, *curves),
         series,
         scales=_scales(data.end, name, y_range),
-        axes=_axes(name, y_range, data),
+        axes=_axes(name, y_range, data.stages, data.end),
         focus={"alpha": OUT_OF_FOCUS},
         cursor={"points": {"show": False}},  # one of a curve without a value would lie at the chart's corner
         bands=({"series": (1, 2), "fill": BAND},) if name != WEIGHTS else None,
@@ -187,16 +187,18 @@ def _add_chart(
     )
 
 
-def _axes(name: str, y_range: tuple[float, float], data: ChartData) -> tuple[uplot.Axis, ...]:
+def _axes(
+    name: str, y_range: tuple[float, float], stages: tuple[tuple[float, float], ...], end: int
+) -> tuple[uplot.Axis, ...]:
     """Axes of a chart: the logarithmic one has a line at each power of ten in its scale; above, the stages' speeds."""
     y = _axis(size=38)
     if name == "error_mm":
         y["splits"] = decades(*y_range)
-    stages = _axis(size=STAGES_PX)
-    stages |= {"scale": "x", "side": 0, "align": 1, "gap": 1, "grid": {"show": False}, "ticks": {"show": False}}
-    stages["splits"] = tuple(start for start, _ in data.stages)
-    stages["values"] = stage_labels(data.stages, data.end)
-    return _axis(size=22), y, stages
+    above = _axis(size=STAGES_PX)
+    above |= {"scale": "x", "side": 0, "align": 1, "gap": 1, "grid": {"show": False}, "ticks": {"show": False}}
+    above["splits"] = tuple(start for start, _ in stages)
+    above["values"] = stage_labels(stages, end)
+    return _axis(size=22), y, above
 
 
 def _axis(size: int) -> uplot.Axis:
