@@ -43,6 +43,7 @@ LEFT_OUT: Final = (
     "tests/core/tuning/test_tune.py",
     "tests/docs",
     "tests/labels/formats/test_independent_readers.py",
+    "tests/labels/test_ball_table.py",
     "tests/strangers",
     "tests/test_dependencies.py",
 )
