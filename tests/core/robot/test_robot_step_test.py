@@ -8,7 +8,7 @@ import pytest
 
 from core.errors import NoAnswerError, TargetRefusedError
 from core.events import Events
-from core.live.live_player import LivePlayer
+from core.live.live_player import LivePlayer, LivePlayerConfig
 from core.live.replay_source import ReplaySource
 from core.recordings import open_recording
 from core.robot import SourceWithRobot, latency_test
@@ -54,7 +54,7 @@ def test_no_ball_may_fly_and_what_is_found_is_led_by(late_robot, serve_recording
 
     with late_robot(1e-3 * LATE_MS) as robot:
         source = SourceWithRobot(ReplaySource(recording, "serve.h5"), robot)
-        player = LivePlayer(source)
+        player = LivePlayer(source, config=LivePlayerConfig(hit="paper"))
         test = RobotStepTest(player, robot)
         try:
             player.add_listener(hear)
