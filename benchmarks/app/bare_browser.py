@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import urlencode
 
 import msgspec.msgpack
+import viser
 import zstandard
 from viser._messages import CommandTriggerMessage, GuiUpdateMessage, Message, ViewerCameraMessage
 from websockets.sync.client import ClientConnection, connect
@@ -28,7 +29,7 @@ from core.errors import CommandError
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-PROTOCOL: Final = "viser-v1.1.1"
+PROTOCOL: Final = f"viser-v{viser.__version__}"
 LARGE_PICTURE: Final = "/sheet/0"
 QUIET_S: Final = 0.6
 CAMERA: Final = ViewerCameraMessage(
