@@ -6,7 +6,7 @@ Progress is kept per browser, beside the tour's: several people may use one work
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final, Literal, Protocol
+from typing import Final, Literal, Protocol, get_args
 
 from app.client_session.lesson_checks import CheckResult, LessonFacts
 from app.client_session.lessons import LESSONS, Lesson
@@ -17,7 +17,9 @@ from app.state.commands import Command, SetMode
 from app.web.pages import Json, Message
 
 CHECK_EVERY_S: Final = 0.3
-Ended = Literal["done", "skipped"]
+Ended = Literal["skipped", "done"]
+ENDS: Final[tuple[Ended, ...]] = get_args(Ended)
+"""In this order: of a skipped lesson that was done later, done counts."""
 _BY_NAME: Final = {lesson.name: lesson for lesson in LESSONS}
 
 
@@ -38,11 +40,7 @@ class Lessons:
         self._page = page
         self._host = host
         self._facts = facts
-        ends: tuple[Ended, ...] = (
-            "skipped",
-            "done",
-        )  # in this order: of a skipped lesson that was done later, done counts
-        self._ended = {name: end for end in ends for name in _BY_NAME if _hint(name, end) in page.seen}
+        self._ended = {name: end for end in ENDS for name in _BY_NAME if _hint(name, end) in page.seen}
         self._shown: Lesson | None = None
         self._sent: Message = {}
         self._checked_s = float("-inf")
