@@ -45,6 +45,7 @@ from app.panels.time_bar import (
 )
 from app.scene.space_time import SpaceTimeScene
 from app.scene.world import World
+from app.shared.live_rally import LiveRally
 from app.shared.source_notifications import SourceNotifications
 from app.startup.example_rally import AFTER_S, ExampleRally
 from app.startup.panel import AwaitedRecording, PreparationPanel
@@ -103,6 +104,7 @@ class Session:
         self._first_detector = detector
         self._awaited = AwaitedRecording(services.library, preparation, lambda: PreparationPanel(client.gui))
         self._pace = FrameThrottle()
+        self._page_apart_s = 0.0
         self._inbox: queue.SimpleQueue[Command | Callable[[], None]] = queue.SimpleQueue()
         self._pictures = LatestWins(pool, render_watch, self._picture_done, self._picture_failed)
         self._openings = LatestWins(pool, self._open, self._opened, self._failed)
@@ -253,8 +255,10 @@ class Session:
             return
         if isinstance(self._recording, RingRecording):
             self._grow(self._recording, wall_s)
-            for news in self._source_news.of(self.services.rallies.live, wall_s):
+            live = self.services.rallies.live
+            for news in self._source_news.of(live, wall_s):
                 self.note(*news)
+            self._keep_frames_apart(live)
         self._state = replace(self._state, playhead=self._state.playhead.settle(wall_s))
         if self._opening is not None:
             self._open_slowly(self._opening, self._recording, wall_s)
@@ -287,6 +291,14 @@ class Session:
         self.plane.show_staleness(wall_s, moving=self._state.playhead.playing)
         self.world.billboard_wxyz()
         self._reveal()
+
+    def _keep_frames_apart(self, live: LiveRally | None) -> None:
+        """Tell the page how far apart it draws, if it is spared and that has changed."""
+        if live is not None and live.source.state is not None:
+            self._pace.hear_pace(live.source.state.kept_share)
+        if self._pace.by_software and self._pace.apart_s != self._page_apart_s:
+            self._page_apart_s = self._pace.apart_s
+            self.page.send("apart", {"seconds": self._page_apart_s})
 
     def _show_before_the_first(self, wall_s: float) -> None:
         """An empty table, and a recorded rally over it while something is compiled."""

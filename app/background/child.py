@@ -39,6 +39,9 @@ class ChildProcess:
             text=True,
             encoding="utf-8",
             errors="replace",
+            # Ctrl-C in the app's terminal does not reach it: the app ends it. And Linux shares the processor among
+            # sessions first: it gets a share of its own beside a browser.
+            start_new_session=True,
         )
         self._on_line, self._on_end = on_line, on_end
         self._lines: deque[str] = deque(maxlen=REMEMBERED_LINES)

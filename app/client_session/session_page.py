@@ -20,6 +20,8 @@ from core.detection.methods import DEFAULT_METHOD
 from core.detection.saved import SavedDetector
 
 FEW_EVERY_S: Final = 0.2
+LEAST_SHARE: Final = 1 / 3
+"""Pictures become no rarer below this share of the asked pace."""
 
 
 class FrameThrottle:
@@ -27,12 +29,25 @@ class FrameThrottle:
 
     def __init__(self) -> None:
         self._by_software = False
+        self._share = 1.0
         self._hurried = True
         self._shown_s = float("-inf")
 
     def hear(self, message: Message) -> None:
         """Read the page's report of its renderer."""
         self._by_software = message.get("software") is True
+
+    def hear_pace(self, share: float) -> None:
+        """Take the share of the asked pace that the live rally keeps, 0 to 1."""
+        self._share = share
+
+    @property
+    def apart_s(self) -> float:
+        """Time between frames of a spared page: as many for each second of the rally, however slowly that passes.
+
+        A simulation that cannot keep up beside a page that this machine draws gets the time that fewer pictures leave.
+        """
+        return FEW_EVERY_S / max(self._share, LEAST_SHARE)
 
     @property
     def by_software(self) -> bool:
@@ -49,7 +64,7 @@ class FrameThrottle:
 
     def is_due(self, state: ClientState | None, wall_s: float) -> bool:
         """Whether the browser gets its next frame now."""
-        if self.spares(state) and wall_s - self._shown_s < FEW_EVERY_S and not self._hurried:
+        if self.spares(state) and wall_s - self._shown_s < self.apart_s and not self._hurried:
             return False
         self._hurried, self._shown_s = False, wall_s
         return True

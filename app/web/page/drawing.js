@@ -1,7 +1,8 @@
 // Who draws the pictures: where no graphics card does, the processor draws every one of them, with all the rest of the page,
 // and a live rally that runs on it, too, needs that time. The server then sends fewer; what moves by itself here does so less.
 {
-  const FEW_MS = 180, HAND_MS = 700;
+  const HAND_MS = 700, EARLY = 0.9; // a frame is due when the server's next one comes, not just after it
+  let apartMs = 180;
   const drawer = () => {
     const context = document.createElement("canvas").getContext("webgl2");
     if (!context) return "software";
@@ -31,7 +32,7 @@
       if (!due) {
         const now = performance.now(), rests = rallyscope.rallyRuns && now - touched > HAND_MS;
         due = true;
-        if (rests && drawn + FEW_MS > now) timer = setTimeout(go, drawn + FEW_MS - now);
+        if (rests && drawn + apartMs > now) timer = setTimeout(go, drawn + apartMs - now);
         else go();
       }
       return number;
@@ -44,6 +45,7 @@
     for (const kind of ["pointerdown", "pointermove", "wheel", "keydown"]) addEventListener(kind, touch, { capture: true, passive: true });
   };
 
+  rallyscope.handlers.apart = (message) => { apartMs = EARLY * 1000 * message.seconds; };
   rallyscope.bySoftware = /swiftshader|llvmpipe|softpipe|software|basic render/i.test(drawer());
   if (rallyscope.bySoftware) drawFewFrames();
   const found = rallyscope.onFound;

@@ -57,3 +57,11 @@ def test_who_asks_for_something_does_not_wait() -> None:
     pace.hurry()
     assert pace.is_due(state_of(), 1.06) and not pace.is_due(state_of(), 1.08)
     assert pace.is_due(state_of(), 1.07 + FEW_EVERY_S)
+
+
+@pytest.mark.parametrize(("share", "pictures"), [(1.0, 50), (0.5, 25), (1 / 3, 17), (1 / 16, 17)])
+def test_a_rally_that_cannot_keep_up_is_shown_as_often_in_each_of_its_seconds(share: float, pictures: int) -> None:
+    pace = FrameThrottle()
+    pace.hear({"software": True})
+    pace.hear_pace(share)
+    assert turns(pace, state_of()) == pytest.approx(pictures, rel=0.1)
