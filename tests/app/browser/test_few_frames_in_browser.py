@@ -14,7 +14,7 @@ from tests.app.browser.window import open_page
 FEW_MS, FRAME_MS = 180, 16
 """Between two frames, at least, in a rally; between any two by the page's clock."""
 SECOND_MS = 1000
-BEFORE = "const rallyscope = { sent: [], onFound() {}, send(type, values) { this.sent.push([type, values]); } };"
+BEFORE = "const rallyscope = { handlers: {}, sent: [], onFound() {}, send(type, values) { this.sent.push([type, values]); } };"
 TURN = "turns = 0; (function turn() { turns++; requestAnimationFrame(turn); })()"
 HAND = "setInterval(() => dispatchEvent(new PointerEvent('pointermove')), 50)"
 
@@ -45,6 +45,9 @@ def test_frames_keep_apart_in_a_rally_and_come_at_once_to_a_hand(page: Page) -> 
     page.evaluate("rallyscope.rallyRuns = true")
     page.clock.run_for(SECOND_MS)
     assert SECOND_MS // (FEW_MS + FRAME_MS) <= turns(page) <= SECOND_MS // FEW_MS + 1
+    page.evaluate("rallyscope.handlers.apart({ seconds: 0.4 })")
+    page.clock.run_for(SECOND_MS)
+    assert 2 <= turns(page) <= 3, "a rally that runs at half its pace has half of them"
     page.evaluate(HAND)
     page.clock.run_for(SECOND_MS)
     assert turns(page) >= SECOND_MS // 50, "one at least for each move of the hand"
