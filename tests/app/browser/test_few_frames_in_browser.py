@@ -14,7 +14,9 @@ from tests.app.browser.window import open_page
 FEW_MS, FRAME_MS = 180, 16
 """Between two frames, at least, in a rally; between any two by the page's clock."""
 SECOND_MS = 1000
-BEFORE = "const rallyscope = { handlers: {}, sent: [], onFound() {}, send(type, values) { this.sent.push([type, values]); } };"
+BEFORE = """const rallyscope = {
+    handlers: {}, sent: [], onFound() {}, send(type, values) { this.sent.push([type, values]); },
+};"""
 TURN = "turns = 0; (function turn() { turns++; requestAnimationFrame(turn); })()"
 HAND = "setInterval(() => dispatchEvent(new PointerEvent('pointermove')), 50)"
 
