@@ -17,6 +17,8 @@ CHANGES: Final = "Changing the scene ..."
 SLOW: Final = "The simulation is slow"
 HUNG_S: Final = 10.0
 """Silence of a living simulation after which it counts as stopped: a busy machine holds one up for seconds."""
+SLOW_AGAIN_S: Final = 60.0
+"""A simulation that was slow so short a time ago is not reported again: on a busy machine it often hesitates."""
 CALM: Final = {CHANGES, SLOW}
 """Titles that are no problem: they are blue, and their end is not reported."""
 BACK: Final = {STOPPED: "The live source is back."}
@@ -37,6 +39,8 @@ class SourceNotifications:
     def __init__(self) -> None:
         self._looked_s = float("-inf")
         self._shown: dict[str, str] = {}
+        self._slow_s = float("-inf")
+        """When the simulation was last slow."""
 
     def of(self, live: LiveRally | None, wall_s: float) -> list[Notification]:
         """Notifications about changes since the last call."""
@@ -46,7 +50,8 @@ class SourceNotifications:
         robot = None if live.robot is None else live.robot.status
         changes, lives = live.is_changing_scene, live.simulation_lives
         health = live.watch.health()
-        return self.compare(live.source.status, health, robot, live.drift, changes_scene=changes, lives=lives)
+        status = live.source.status
+        return self.compare(status, health, robot, live.drift, changes_scene=changes, lives=lives, wall_s=wall_s)
 
     def compare(
         self,
@@ -57,20 +62,25 @@ class SourceNotifications:
         *,
         changes_scene: bool = False,
         lives: bool = False,
+        wall_s: float = 0.0,
     ) -> list[Notification]:
         """Notifications about new and resolved problems; each is shown once.
 
         `changes_scene`: somebody asked the simulation for another scene, so that no data arrives is no problem.
         `lives`: the source is a simulation of this app, whose process has not ended.
+        `wall_s`: the time now, s.
         """
         source = {CHANGES: "The simulation builds it; the rally goes on then."} if changes_scene else None
         if source is None and lives and _silent(status, health) and health.quiet_s < HUNG_S:
             source = {SLOW: "This machine is busy. The rally goes on by itself."}
         now = (source or _troubles(status, health)) | _robot_troubles(robot) | _drift_troubles(drift)
+        known = self._shown.keys() | ({SLOW} if wall_s - self._slow_s < SLOW_AGAIN_S else set())
+        if SLOW in now:
+            self._slow_s = wall_s
         begun = [
             Notification(title, body, "blue" if title in CALM else "red")
             for title, body in now.items()
-            if title not in self._shown
+            if title not in known
         ]
         over = [
             Notification("Resolved", BACK.get(title, f"No longer: {title[0].lower()}{title[1:]}."), "green")

@@ -10,7 +10,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from app.modes.label.editor import LabelEditor, events_near
+from app.modes.label.by_hand import events_near
+from app.modes.label.editor import LabelEditor
 from app.modes.label.label_changes import ProposedLabel, ShownPicture, accepted, proposed_at, snapped
 from app.modes.label.label_writer import Change, Saved
 from app.modes.label.labelling import CameraWork, Labelling

@@ -13,7 +13,9 @@ import viser
 from app import theme
 from app.formatting import html_text
 from app.modes.label.labelling import DEFAULT_ANNOTATOR
+from app.modes.mode import ModeHost
 from app.shared.workspace import slug_from
+from app.state.commands import SignIn
 from app.widgets import when_clicked
 from core.errors import CommandError
 from core.files import replace_file
@@ -79,3 +81,54 @@ class AnnotatorPrompt:
     def _end(self, then: Callable[[], None]) -> None:
         self._modal.close()
         then()
+
+
+class AnnotatorSignIn:
+    """Who labels in one browser. Methods are called by the loop."""
+
+    def __init__(self, host: ModeHost, show: Callable[[str | None], None], take: Callable[[str], None]) -> None:
+        """`show` puts a name into the panel's field, or back what it showed; `take` is told each name that is given."""
+        self._host = host
+        self._show = show
+        self._take = take
+        self._prompt: AnnotatorPrompt | None = None
+        self.named = False
+        """Whether the person has said who labels."""
+
+    def use(self, text: str) -> None:
+        """Label under the name that was typed into the panel.
+
+        Raises:
+            CommandError: if it cannot be a name.
+        """
+        try:
+            name = annotator_from(text)
+        except CommandError:
+            self._show(None)
+            raise
+        self._sign_in(name)
+
+    def ask(self, default: str, then: Callable[[], None]) -> None:
+        """Ask for the name, and call `then` once it is given; nothing if it is being asked for."""
+        if self._prompt is not None:
+            return
+        host = self._host
+
+        def named(name: str) -> None:
+            self._prompt = None
+            self._sign_in(name)
+            then()
+
+        def declined() -> None:
+            self._prompt = None
+
+        self._prompt = AnnotatorPrompt(
+            host.client.gui, default, lambda name: host.later(lambda: named(name)), lambda: host.later(declined)
+        )
+
+    def _sign_in(self, name: str) -> None:
+        """From now on this browser's labels are of this annotator."""
+        self.named = True
+        self._host.send(SignIn(name))
+        self._show(name)  # as it is stored: small letters
+        self._take(name)

@@ -40,18 +40,30 @@ def percentiles_text(step: Percentiles) -> str:
 
 
 def latency_rows(health: PlayerHealth) -> list[tuple[str, str]]:
-    """Row with where the time of commands goes: a line a stage with median, p99 and worst; none before a command."""
+    """Rows with where the time of commands goes, one a stage: median, p99 and worst; none before a command.
+
+    Rows of the same table, not a table in it: beside the column of the names it would be wider than the panel.
+    """
     if not health.stages:
         return []
-    right = "text-align:right;padding-right:8px"
-    lines = "".join(
-        f"<tr><td style='color:{theme.MUTED}' title='{html_text(STAGE_WORDS[one.name])}'>{one.name}</td>"
-        + "".join(f"<td style='{right}'>{_ms(value)}</td>" for value in (one.p50_ms, one.p99_ms, one.worst_ms))
-        + "</tr>"
-        for one in health.stages
+    return [
+        ("Where it goes [ms]", muted(_three("p50", "p99", "worst"))),
+        *(
+            (
+                f"<span title='{html_text(STAGE_WORDS[one.name])}'>{one.name}</span>",
+                _three(*map(_ms, (one.p50_ms, one.p99_ms, one.worst_ms))),
+            )
+            for one in health.stages
+        ),
+    ]
+
+
+def _three(*cells: str) -> str:
+    """Three narrow columns that stand below each other in several rows."""
+    columns = "".join(
+        f"<span style='display:inline-block;width:33.3%;text-align:right'>{cell}</span>" for cell in cells
     )
-    titles = "".join(f"<td style='{right};color:{theme.MUTED}'>{title}</td>" for title in ("p50", "p99", "worst"))
-    return [("Where it goes", f"<table style='width:100%'><tr><td>ms</td>{titles}</tr>{lines}</table>")]
+    return f"<span style='white-space:nowrap'>{columns}</span>"
 
 
 def coloured(colour: str, html: str) -> str:

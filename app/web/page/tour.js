@@ -56,8 +56,14 @@
     return !there || !(target.contains(there) || there.contains(target) || card.contains(there));
   };
 
+  // Where the card has to end: a lesson covers neither the panel below the picture nor the time bar, which it may need.
+  const floorBelow = (left, right) => Math.min(innerHeight, ...[...document.querySelectorAll("[data-rallyscope-lower], #rallyscope-bar")]
+    .map((one) => one.getBoundingClientRect())
+    .filter((box) => box.height && box.left < right && left < box.right)
+    .map((box) => box.top));
+
   const place = () => {
-    const found = anchor(tour.steps[at][2]), target = found || unfold(tour.steps[at][3]), width = card.offsetWidth, height = card.offsetHeight;
+    const found = anchor(tour.steps[at][2]), target = found || unfold(tour.steps[at][3]), width = card.offsetWidth, height = card.scrollHeight + 2;
     const isLesson = tour.kind === "lesson", isPicture = tour.steps[at][2] === "picture";
     if (found && scrolled !== at && !isPicture) { scrolled = at; found.scrollIntoView({ block: isLesson ? "center" : "nearest" }); }
     const box = target ? target.getBoundingClientRect() : null;
@@ -80,7 +86,9 @@
       else if (innerWidth - shown.right > width + 20) { left = shown.right + 12; top = shown.top; }
       else { left = middle; top = shown.top + 12; } // it fills the window: inside, at its upper edge
     }
-    Object.assign(card.style, { left: `${fit(left, width, innerWidth)}px`, top: `${fit(top, height, innerHeight)}px` });
+    left = fit(left, width, innerWidth);
+    const floor = isLesson ? floorBelow(left, left + width) : innerHeight;
+    Object.assign(card.style, { left: `${left}px`, top: `${fit(top, height, floor)}px`, maxHeight: `${floor - 16}px` });
   };
 
   const show = (number) => {

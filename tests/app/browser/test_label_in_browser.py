@@ -7,6 +7,7 @@ from dataclasses import fields
 
 import pytest
 
+from app.modes.label.by_hand import place_ball, set_state
 from app.modes.label.labelling import LabelView
 from app.modes.label.plan import plan_at
 from app.pictures.palette import PaletteIndex, palette
@@ -151,7 +152,7 @@ class Labelling:
         """Clicks at whole CSS pixels are stored where those are in the picture, at the middle of the CSS pixel."""
         x, y = (float(v[0]) for v in self.truth(self.work.t_us))
         self.window.session.later(
-            lambda: self.mode._do(lambda editor: editor.place_ball(x, y, 9.5))
+            lambda: self.mode._do(lambda editor: place_ball(editor, x, y, 9.5))
         )  # clicks keep this radius
         eventually(lambda: self.label(self.work.t_us), "the first label")
         view = {"snap": False, "follow": False}
@@ -214,7 +215,8 @@ def begin(window: Window, name: str) -> Labelling:
     window.wait_until_camera_stands()  # the sheet has another shape: the camera is moved
     window.fill(window.field("Annotator"), name)
     eventually(
-        lambda: found.mode._named and found.work.view.annotator == name and "left" in found.work.saved, "the layer"
+        lambda: found.mode._sign_in.named and found.work.view.annotator == name and "left" in found.work.saved,
+        "the layer",
     )
     window.page.mouse.click(*found.on_sheet(1200, -10))  # keys do nothing while a field has the cursor
     found.settle(BALL_US)
@@ -437,10 +439,10 @@ def test_what_happens_meanwhile_does_not_write_into_the_name_that_is_typed(windo
     field.fill("")
     there_us = mode._editor.labelling.t_us + 100_000
     window.session.send(Seek(there_us))
-    eventually(lambda: mode._status is not None and mode._status[0] == there_us, "the panel to follow")
+    eventually(lambda: mode._display.t_us == there_us, "the panel to follow")
     assert field.input_value() == "" and mode._panel._annotator.value == name, "a value counts when it is whole"
     window.fill(field, name)
-    eventually(lambda: mode._named, "the name that was offered, to count as given once it is typed")
+    eventually(lambda: mode._sign_in.named, "the name that was offered, to count as given once it is typed")
 
 
 def test_the_first_label_of_a_browser_asks_who_labels(window, workspace) -> None:
@@ -512,10 +514,10 @@ def test_two_who_disagree_are_shown_side_by_side_and_keys_settle_it(
             one.window.session.later(lambda t=t_us, one=one: one.mode._do(lambda editor: editor.go_to(t)))
             eventually(lambda t=t_us, one=one: one.work.t_us == t and one.work.on_screen, "the picture")
             one.window.session.later(
-                lambda one=one, place=place: one.mode._do(lambda editor: editor.place_ball(*place))
+                lambda one=one, place=place: one.mode._do(lambda editor: place_ball(editor, *place))
             )
             eventually(lambda t=t_us, one=one: one.label(t), "the label")
-    other.window.session.later(lambda: other.mode._do(lambda editor: editor.set_state(LabelState.NO_BALL)))
+    other.window.session.later(lambda: other.mode._do(lambda editor: set_state(editor, LabelState.NO_BALL)))
     eventually(lambda: other.label(times[2]).state is LabelState.NO_BALL, "the other's last word")
     names = labelling.work.view.annotator, other.work.view.annotator
     eventually(lambda: names[1] in mode._comparer.offered, "the other annotator in the list")

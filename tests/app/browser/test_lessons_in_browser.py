@@ -3,6 +3,7 @@
 import shutil
 from pathlib import Path
 
+from app.client_session.lessons import LESSONS
 from app.shared.samples import DEMO
 from app.state.client_state import ClientState
 from tests.waiting import eventually
@@ -67,3 +68,35 @@ def test_from_the_tour_a_visitor_finds_and_tunes_and_it_is_kept(
         assert card.locator("[data-end=done]").all_inner_texts() == ["✓ find", "✓ tune"]
         card.get_by_role("button", name="Skip lesson").click()
         card.get_by_text("Lesson 4, 1 of 3").wait_for()
+
+
+CARD = "#rallyscope-tour"
+COVERED = """() => {
+  const box = (one) => document.querySelector(`#rallyscope-tour${one}`).getBoundingClientRect();
+  const card = box("");
+  if (box(" .goal").bottom > box(" .row").top) return ["its own words"];
+  return [...document.querySelectorAll("[data-rallyscope-lower], #rallyscope-bar")].filter((one) => {
+    const box = one.getBoundingClientRect();
+    const apart = box.right <= card.left || card.right <= box.left || box.bottom <= card.top || card.bottom <= box.top;
+    return box.height && !apart;
+  }).map((one) => one.id || "the lower panel");
+}"""
+
+
+def test_the_card_of_a_lesson_covers_neither_the_lower_panel_nor_the_time_bar(
+    lab, open_window, workspace, serve_recording: Path
+) -> None:
+    shutil.copy(serve_recording, workspace.recording_path(DEMO))
+    with open_window(lab) as window:
+        page, card = window.page, window.page.locator(CARD)
+        page.get_by_role("button", name="Lessons").first.click()
+        for number, lesson in enumerate(LESSONS):
+            card.locator(f"nav [data-to={lesson.name}]").click()
+            eventually(lambda lesson=lesson: window.state.mode == lesson.mode, lesson.mode)
+            for step in range(len(lesson.steps)):
+                card.get_by_text(f"Lesson {number + 1}, {step + 1} of {len(lesson.steps)}").wait_for()
+                window.wait_until_still()
+                eventually(lambda: not page.evaluate(COVERED), f"{lesson.name}, {step + 1}: nothing to be covered")
+                window.screenshot(f"lesson-{lesson.name}-{step + 1}")
+                if step + 1 < len(lesson.steps):
+                    card.locator("[data-do=next]").click()

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from app.shared.source_notifications import HUNG_S, SourceNotifications
+from app.shared.source_notifications import HUNG_S, SLOW_AGAIN_S, SourceNotifications
 from core.cameras.stereo import EpipolarDrift
 from core.chain.calibration_drift import DriftReport
 from core.live.stream_watch import LOST_US, CameraHealth, StreamHealth
@@ -51,6 +51,16 @@ def test_a_simulation_of_ours_that_is_only_slow_is_no_alarm_until_it_hangs_or_en
     (stopped,) = news.compare("connected", hung, lives=True)
     assert stopped.title == "The live source has stopped" and stopped.color == "red"
     assert titles(SourceNotifications().compare("lost", quiet)) == ["The live source has stopped"]
+
+
+def test_a_simulation_that_hesitates_again_and_again_is_reported_as_slow_once() -> None:
+    news, quiet = SourceNotifications(), replace(WELL, stopped=True, quiet_s=2.0)
+    for wall_s in (0.0, 3.0, SLOW_AGAIN_S):
+        begun = news.compare("connected", quiet, lives=True, wall_s=wall_s)
+        assert titles(begun) == (["The simulation is slow"] if wall_s == 0.0 else [])
+        assert news.compare("connected", WELL, lives=True, wall_s=wall_s + 1.0) == []
+    begun = news.compare("connected", quiet, lives=True, wall_s=2.0 * SLOW_AGAIN_S)
+    assert titles(begun) == ["The simulation is slow"], "it was quick for a minute"
 
 
 def robot(connection: str, stop: StopNote | None = None, stops: int = 0) -> RobotStatus:

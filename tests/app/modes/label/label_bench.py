@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from app.modes.label.by_hand import place_ball
 from app.modes.label.editor import LabelCallbacks, LabelEditor
 from app.modes.label.keys import ACTS
 from app.modes.label.labelling import Labelling, LabelView, begin_labelling
@@ -97,7 +98,7 @@ class Bench:
     def click_truth(self, t_us: int, off_px: float = 1.0) -> None:
         self.look(t_us)
         x, y = self.truth(t_us, self.work.view.camera)
-        self.editor.place_ball(x + off_px, y)
+        place_ball(self.editor, x + off_px, y)
         self.wait()
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from app.modes.label.by_hand import place_ball
 from app.modes.label.comparer import FOLDER, LabelComparer, OtherStores
 from app.modes.label.comparison import LabelComparison
 from app.modes.label.editor import LabelCallbacks, LabelEditor
@@ -210,7 +211,7 @@ def test_what_the_other_says_later_is_a_conflict_anew(desk: Desk, serve_recordin
 def test_a_click_and_every_other_key_at_a_conflict_settle_it_with_a_new_label(desk: Desk) -> None:
     desk.editor.change_view({"snap": False})
     desk.look(AT_US[0])
-    desk.editor.place_ball(53.0, 41.0)
+    place_ball(desk.editor, 53.0, 41.0)
     desk.wait(lambda: desk.counts == (1, 3))
     label = desk.on_disk().at(AT_US[0])
     assert (label.x_px, label.y_px, label.provenance.source) == (53.0, 41.0, PositionSource.SETTLED)
@@ -220,7 +221,7 @@ def test_a_click_and_every_other_key_at_a_conflict_settle_it_with_a_new_label(de
     desk.press("out_of_frame", AT_US[3])
     desk.wait(lambda: desk.counts == (4, 0))
     desk.look(30_000)
-    desk.editor.place_ball(60.5, 40.0)
+    place_ball(desk.editor, 60.5, 40.0)
     desk.wait(lambda: desk.on_disk().at(30_000).x_px == 60.5)
     assert desk.on_disk().at(30_000).provenance.source is PositionSource.BY_HAND, "no conflict was there"
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from app.cli.main import main
+from app.modes.label.by_hand import place_ball, set_numbers, set_state
 from app.modes.label.contacts import ContactSearch
 from app.modes.label.keys import ACTS
 from app.modes.label.sightings import agreement_at
@@ -42,7 +43,7 @@ EMPTY = (12.0, 9.0)
 
 def test_a_click_where_no_circle_fits_is_not_stored_but_asks_for_a_radius(bench: Bench) -> None:
     bench.look(BALL_US)
-    bench.editor.place_ball(*EMPTY)
+    place_ball(bench.editor, *EMPTY)
     bench.wait(lambda: bench.work.asking)
     assert "no circle fits here: drag to set the radius, or press X for no ball" in bench.work.asking.question
     assert not bench.work.here.labels and not bench.errors
@@ -50,7 +51,7 @@ def test_a_click_where_no_circle_fits_is_not_stored_but_asks_for_a_radius(bench:
     assert [(mark.x_px, mark.y_px, mark.r_px, mark.ink) for mark in marks] == [(*EMPTY, None, PaletteIndex.ASKS)]
     stored = LabelStore.read(bench.folder, Layer(bench.recording.uuid, "left", "anna"))
     assert stored.all() == () and stored.version == 0
-    bench.editor.place_ball(*EMPTY, 6.5)
+    place_ball(bench.editor, *EMPTY, 6.5)
     bench.wait()
     assert bench.work.here.labels[BALL_US].r_px == 6.5 and bench.work.asking is None
 
@@ -67,7 +68,7 @@ def test_a_click_without_a_circle_is_answered_by_a_key(
     bench: Bench, answer: str, state: LabelState, r_px: float | None
 ) -> None:
     bench.look(BALL_US)
-    bench.editor.place_ball(*EMPTY)
+    place_ball(bench.editor, *EMPTY)
     bench.wait(lambda: bench.work.asking)
     bench.editor.do(ACTS[answer])
     bench.wait()
@@ -77,11 +78,11 @@ def test_a_click_without_a_circle_is_answered_by_a_key(
 
 def test_a_click_without_a_circle_is_forgotten_by_escape_or_by_going_elsewhere(bench: Bench) -> None:
     bench.look(BALL_US)
-    bench.editor.place_ball(*EMPTY)
+    place_ball(bench.editor, *EMPTY)
     bench.wait(lambda: bench.work.asking)
     bench.press("escape")
     assert bench.work.asking is None
-    bench.editor.place_ball(*EMPTY)
+    place_ball(bench.editor, *EMPTY)
     bench.wait(lambda: bench.work.asking)
     bench.press("next")
     assert bench.work.asking is None and not bench.work.here.labels
@@ -90,7 +91,7 @@ def test_a_click_without_a_circle_is_forgotten_by_escape_or_by_going_elsewhere(b
 def test_going_on_after_each_click_comes_back_to_one_without_a_circle(bench: Bench) -> None:
     bench.editor.change_view({"advance": True})
     bench.look(BALL_US)
-    bench.editor.place_ball(*EMPTY)
+    place_ball(bench.editor, *EMPTY)
     assert bench.work.t_us == BALL_US + 2000
     bench.wait(lambda: bench.work.asking)
     assert bench.work.t_us == BALL_US
@@ -99,11 +100,11 @@ def test_going_on_after_each_click_comes_back_to_one_without_a_circle(bench: Ben
 def test_without_snapping_the_first_click_asks_too_and_later_ones_keep_the_radius(bench: Bench) -> None:
     bench.editor.change_view({"snap": False})
     bench.look(BALL_US)
-    bench.editor.place_ball(50.0, 60.0)
+    place_ball(bench.editor, 50.0, 60.0)
     bench.wait(lambda: bench.work.asking)
     assert bench.work.asking.question.startswith("how large is it?")
-    bench.editor.place_ball(50.0, 60.0, 7.0)
-    bench.editor.place_ball(52.0, 61.0)
+    place_ball(bench.editor, 50.0, 60.0, 7.0)
+    place_ball(bench.editor, 52.0, 61.0)
     bench.wait()
     label = bench.work.here.labels[BALL_US]
     assert (label.x_px, label.y_px, label.r_px) == (52.0, 61.0, 7.0)
@@ -112,13 +113,13 @@ def test_without_snapping_the_first_click_asks_too_and_later_ones_keep_the_radiu
 @pytest.mark.parametrize("r_px", [None, 3.5])
 def test_numbers_that_are_typed_in_need_a_radius_above_0(bench: Bench, r_px: float | None) -> None:
     bench.look(BALL_US)
-    bench.editor.set_numbers(20.0, 30.0, r_px)
+    set_numbers(bench.editor, 20.0, 30.0, r_px)
     bench.wait()
     assert (BALL_US in bench.work.here.labels) == (r_px is not None)
     if r_px is None:
         assert "needs a radius" in str(bench.errors[0])
     else:
-        bench.editor.set_numbers(21.0, 30.0, None)
+        set_numbers(bench.editor, 21.0, 30.0, None)
         bench.wait()
         assert bench.work.here.labels[BALL_US].x_px == 20.0 and "needs a radius" in str(bench.errors[0])
 
@@ -223,14 +224,14 @@ def test_the_queue_leads_to_the_label_that_is_wrong(bench: Bench) -> None:
 def test_a_second_look_goes_to_a_layer_of_its_own(bench: Bench) -> None:
     for t_us in range(0, 600_000, 2000):  # one in twenty of 280: none at all is unthinkable
         bench.look(t_us)
-        bench.editor.set_state(LabelState.OUT_OF_FRAME)
+        set_state(bench.editor, LabelState.OUT_OF_FRAME)
     bench.wait()
     bench.suggestions.repeat_annotation()
     bench.wait(lambda: bench.work.view.repeat or bench.notes)
     assert bench.work.view.repeat
     asked = bench.work.t_us
     assert bench.look().main.marks == ()
-    bench.editor.set_state(LabelState.NO_BALL)
+    set_state(bench.editor, LabelState.NO_BALL)
     bench.wait(lambda: not bench.work.view.repeat)
     second = LabelStore.read(bench.folder, Layer(bench.recording.uuid, "left", "anna", blind=True))
     label = second.at(asked)
@@ -263,7 +264,7 @@ def test_frames_are_labelled_at_their_own_times_and_exposures_and_exported(tmp_p
     assert bench.work.t_us == 19_000
     plan = bench.look()
     assert (plan.main.frame, plan.main.window_us) == (1, (17_000, 21_000))
-    bench.editor.place_ball(30.25, 20.5, 4.0)
+    place_ball(bench.editor, 30.25, 20.5, 4.0)
     bench.wait()
     label = bench.work.here.labels[19_000]
     assert (label.x_px, label.y_px, label.provenance.source) == (30.25, 20.5, PositionSource.BY_HAND)

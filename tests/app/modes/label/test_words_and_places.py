@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from app import theme
+from app.modes.label.by_hand import place_ball
 from app.modes.label.editor import LabelEditor
 from app.modes.label.labelling import Grid
 from app.modes.label.sightings import agreement_at, draft_at
@@ -63,12 +64,12 @@ def test_a_circle_drawn_where_no_proposal_was_shown_is_by_hand(bench: Bench) -> 
     draft = draft_at(bench.work, BALL_US)
     assert draft is not None
     bench.editor.show(shown)  # the detector was faster than the picture
-    bench.editor.place_ball(draft.x_px + 2.0, draft.y_px, 8.0)
+    place_ball(bench.editor, draft.x_px + 2.0, draft.y_px, 8.0)
     bench.wait()
     assert bench.work.here.labels[BALL_US].provenance.source is PositionSource.BY_HAND
     bench.press("undo")
     bench.look(BALL_US)
-    bench.editor.place_ball(draft.x_px + 2.0, draft.y_px, 8.0)
+    place_ball(bench.editor, draft.x_px + 2.0, draft.y_px, 8.0)
     bench.wait()
     assert bench.work.here.labels[BALL_US].provenance.source is PositionSource.CORRECTED
 
