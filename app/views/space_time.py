@@ -372,10 +372,7 @@ def polarity_inks(events: Events, start_us: int, end_us: int) -> NDArray[np.uint
 
 
 def _candidate_inks(events: Events, trace: MethodTrace, colour: SpaceColour) -> NDArray[np.uint8]:
-    """By verdict green on the pixels of candidates without a reason against them, red on those of the others.
-
-    By cluster, each candidate has its own colour. Other events are dim.
-    """
+    """(N,) green or red on the pixels of a candidate by its "verdict", or a colour for each "cluster"; others dim."""
     inks = polarity_inks(events, 0, 0)
     here = _pixel_keys(events.x_px, events.y_px)
     for candidate in sorted(trace.candidates, key=lambda one: not one.reasons):  # an accepted one last
