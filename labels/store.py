@@ -39,6 +39,7 @@ from labels.database.edit_log import (
     Writer,
     add_edit,
     add_rejection,
+    current_rejected,
     find_layer,
     make_layer,
     newest_edit,
@@ -267,7 +268,7 @@ class LabelStore:
         return len(touched)
 
     def reject(self, t_us: int, x_px: float, y_px: float, r_px: float | None, detector: str) -> None:
-        """Note that a proposal of a detector is wrong. No label changes.
+        """Note that a proposal of a detector is wrong, as one step of undo. No label changes.
 
         Args:
             t_us: time of the proposal.
@@ -285,10 +286,7 @@ class LabelStore:
     def rejected(self) -> frozenset[tuple[int, str]]:
         """(time, detector) of every proposal that was found wrong in this layer."""
         with self._lock, sqlite_errors(self.path, "cannot read the labels"):
-            rows = self._reader.execute(
-                "SELECT t_us, detector FROM rejections JOIN edits USING (edit) WHERE layer = ?", (self._number,)
-            )
-            return frozenset(rows.fetchall())
+            return current_rejected(self._reader, self._number)
 
     def undo(self) -> tuple[int, ...]:
         """Take back the latest edit, also of an earlier session; returns the times it touched, () if none is left."""

@@ -20,8 +20,9 @@ from core.detection.saved import SavedDetector
 
 V = TypeVar("V")
 
-SpaceColour = Literal["stage", "polarity", "verdict"]
-"""What colours a window's events in space and time: as in the stage's picture, ON and OFF, or candidates by verdict."""
+SpaceColour = Literal["stage", "cluster", "polarity", "verdict"]
+"""What colours a window's events in space and time: as in the stage's picture, each candidate in its own colour, ON and
+OFF, or candidates by verdict."""
 SPACE_COLOURS: Final[tuple[SpaceColour, ...]] = get_args(SpaceColour)
 
 MERGE_WITHIN_S = 0.8

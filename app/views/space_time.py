@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from app.pictures.canvas import Region
 from app.pictures.palette import PaletteIndex, PolarityColours, palette
 from app.state.client_state import SpaceColour
-from app.views.stage_picture import ball_ink, stage_pixels
+from app.views.stage_picture import ball_ink, cluster_colour_index, stage_pixels
 from core.detection import DetectorConfig, make_detector
 from core.detection.method_trace import MethodTrace
 from core.events import Events
@@ -158,7 +158,7 @@ def space_time_of(
         stream,
         window,
         region,
-        lambda events: _inks(events, answer, stage, colour),
+        lambda events: answer_inks(events, window, answer, stage, colour),
         colours,
         circles,
         joined_us=window[1] - window[0],
@@ -342,13 +342,23 @@ def event_at(shown: SpaceTime, origin: ArrayLike, direction: ArrayLike) -> tuple
     return float(shown.x_px[nearest]), float(shown.y_px[nearest])
 
 
-def _inks(events: Events, answer: WindowAnswer, stage: str, colour: SpaceColour) -> NDArray[np.uint8]:
-    """(N,) palette indices: neighbours dim, the window's events as asked for."""
+def answer_inks(
+    events: Events, shown_us: tuple[int, int], answer: WindowAnswer, stage: str, colour: SpaceColour
+) -> NDArray[np.uint8]:
+    """(N,) palette indices: those of the answer's window as asked for, others by polarity, dim outside of `shown_us`.
+
+    Args:
+        events: N events.
+        shown_us: start and end of the window that is set off.
+        answer: the method's answer, with its trace; without one all are by polarity.
+        stage: name of the view of the trace, if `colour` is "stage".
+        colour: what colours the events of the answer's window.
+    """
     window, trace = answer.window, answer.trace
-    inks = polarity_inks(events, window.start_us, window.end_us)
+    inks = polarity_inks(events, *shown_us)
     inside = (events.t_us >= window.start_us) & (events.t_us < window.end_us)
-    if trace is not None and colour == "verdict":
-        return np.where(inside, _verdict_inks(events, trace), inks)
+    if trace is not None and colour in ("cluster", "verdict"):
+        return np.where(inside, _candidate_inks(events, trace, colour), inks)
     if trace is not None and colour == "stage" and trace.view(stage).pixels is not None:
         return np.where(inside, stage_pixels(window, trace, stage, "polarity")[events.y_px, events.x_px], inks)
     return inks
@@ -361,12 +371,13 @@ def polarity_inks(events: Events, start_us: int, end_us: int) -> NDArray[np.uint
     return np.where(inside, bright, np.where(events.on, PaletteIndex.ON_DIM, PaletteIndex.OFF_DIM)).astype(np.uint8)
 
 
-def _verdict_inks(events: Events, trace: MethodTrace) -> NDArray[np.uint8]:
-    """Green on the pixels of candidates without a reason against them, red on those of the others; else dim."""
+def _candidate_inks(events: Events, trace: MethodTrace, colour: SpaceColour) -> NDArray[np.uint8]:
+    """(N,) green or red on the pixels of a candidate by its "verdict", or a colour for each "cluster"; others dim."""
     inks = polarity_inks(events, 0, 0)
     here = _pixel_keys(events.x_px, events.y_px)
     for candidate in sorted(trace.candidates, key=lambda one: not one.reasons):  # an accepted one last
         ink = PaletteIndex.HULL_REJECTED if candidate.reasons else PaletteIndex.HULL
+        ink = cluster_colour_index(candidate.label) if colour == "cluster" else ink
         inks[np.isin(here, _pixel_keys(candidate.x_px, candidate.y_px))] = ink
     return inks
 

@@ -21,13 +21,15 @@ from labels.database.schema import holds_contacts
 from labels.model import ContactLabel, Label
 
 Kind = str
-EDIT, UNDO, REDO, REJECTED = "edit", "undo", "redo", "rejected proposal"
+EDIT, UNDO, REDO = "edit", "undo", "redo"
+"""Stores have rows of the kind "rejected proposal", too: until a rejection was a step of undo, it was of that kind."""
 NEWEST: Final = 2**62
 """After every edit that there is."""
 _ADD = f"INSERT INTO changes (layer, t_us, edit, {LISTED}) VALUES (?, ?, ?{', ?' * len(COLUMNS)})"
 _ADD_CONTACT = (
     f"INSERT INTO contact_changes (layer, t_us, edit, {LISTED_CONTACT}) VALUES (?, ?, ?{', ?' * len(CONTACT_COLUMNS)})"
 )
+_ADD_REJECTION = "INSERT INTO rejections (edit, t_us, x_px, y_px, r_px, detector) VALUES (?, ?, ?, ?, ?, ?)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +141,7 @@ def add_edit(
 def add_rejection(
     db: sqlite3.Connection, writer: Writer, t_us: int, x_px: float, y_px: float, r_px: float | None, detector: str
 ) -> None:
-    """A proposal that a person found wrong. It changes no label and is no step of undo.
+    """A proposal that a person found wrong; nothing if it was said already. It changes no label.
 
     Args:
         db: the store, inside a transaction.
@@ -150,8 +152,20 @@ def add_rejection(
         r_px: its radius; None: not known.
         detector: what proposed it.
     """
-    edit = _add_row(db, writer, REJECTED, None)
-    db.execute("INSERT INTO rejections VALUES (?, ?, ?, ?, ?, ?)", (edit, t_us, x_px, y_px, r_px, detector))
+    if (t_us, detector) in current_rejected(db, writer.layer):
+        return  # said twice, it would be taken back by the undo of either
+    edit = _add_row(db, writer, EDIT, None)
+    db.execute(_ADD_REJECTION, (edit, t_us, x_px, y_px, r_px, detector))
+
+
+def current_rejected(db: sqlite3.Connection, layer: int) -> frozenset[tuple[int, str]]:
+    """(time, detector) of the proposals of a layer that a person found wrong, but for those that were taken back."""
+    rows = db.execute(
+        "SELECT t_us, detector, max(edit), kind FROM rejections JOIN edits USING (edit) WHERE layer = ? "
+        "GROUP BY t_us, detector HAVING kind <> ?",
+        (layer, UNDO),
+    )
+    return frozenset((t_us, detector) for t_us, detector, _, _ in rows)
 
 
 def step_back(db: sqlite3.Connection, writer: Writer, history: SessionHistory, *, redo: bool = False) -> UndoStep:
@@ -165,11 +179,32 @@ def step_back(db: sqlite3.Connection, writer: Writer, history: SessionHistory, *
     contacts, left_contacts = (
         _changes_of_step(db, writer.layer, edit, "contact_changes", redo) if holds_contacts(db) else ([], [])
     )
+    rejections, left_rejections = _rejections_of_step(db, writer.layer, edit)
     made = _add_row(db, writer, REDO if redo else UNDO, edit)
     _add_changes(db, writer.layer, made, changes)
     _add_changes(db, writer.layer, made, contacts, _ADD_CONTACT)
-    touched = (*(t_us for t_us, _ in changes), *(t_us for t_us, _ in contacts))
-    return UndoStep(touched, (*left, *left_contacts))
+    db.executemany(_ADD_REJECTION, ((made, *values) for values in rejections))
+    touched = (*changes, *contacts, *rejections)
+    return UndoStep(tuple(t_us for t_us, *_ in touched), (*left, *left_contacts, *left_rejections))
+
+
+_Rejection = tuple[int, float, float, float | None, str]
+"""Time, column, row, radius and detector of a proposal that is wrong."""
+
+
+def _rejections_of_step(db: sqlite3.Connection, layer: int, edit: int) -> tuple[list[_Rejection], list[int]]:
+    """The rejection of an edit, if it has one, for an undo or redo to say again, or its time if others said it since.
+
+    What it says is in the kind of the undo's or redo's row of `edits`: an undo's rejection is none.
+    """
+    row = db.execute("SELECT t_us, x_px, y_px, r_px, detector FROM rejections WHERE edit = ?", (edit,)).fetchone()
+    if row is None:
+        return [], []
+    newest = db.execute(
+        "SELECT max(edit), of FROM rejections JOIN edits USING (edit) WHERE layer = ? AND t_us = ? AND detector = ?",
+        (layer, row[0], row[-1]),
+    ).fetchone()
+    return ([row], []) if edit in newest else ([], [row[0]])
 
 
 def _changes_of_step(

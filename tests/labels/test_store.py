@@ -15,7 +15,7 @@ import pytest
 from core.errors import LabelError
 from labels.merging import merge_stores
 from labels.model import Label, LabelState, PositionSource, Provenance
-from labels.store import LabelStore, Layer, find_annotators, find_layers
+from labels.store import LabelStore, Layer, UndoStep, find_annotators, find_layers
 from labels.store_registry import LabelStoreRegistry
 from tests.waiting import PATIENCE_S
 
@@ -26,8 +26,8 @@ def ball(t_us: int, x: float = 10.0, y: float = 20.0, state: LabelState = LabelS
     return Label(t_us=t_us, state=state, x_px=x, y_px=y)
 
 
-def open_store(folder: Path, annotator: str = "anna") -> LabelStore:
-    return LabelStore.open(folder, UUID, "left", annotator)
+def open_store(folder: Path, annotator: str = "anna", session: str = "") -> LabelStore:
+    return LabelStore.open(folder, UUID, "left", annotator, session=session)
 
 
 def test_labels_are_there_after_a_restart_to_the_last_bit(tmp_path: Path) -> None:
@@ -342,14 +342,40 @@ def ball_of(labels: Mapping[int, Label], t_us: int) -> Label:
     return dict(labels)[t_us]
 
 
-def test_rejected_proposals_are_rows_of_their_own(tmp_path: Path) -> None:
+def test_a_rejected_proposal_is_a_step_of_undo_and_no_label(tmp_path: Path) -> None:
     with open_store(tmp_path) as store:
         store.put(ball(1))
         store.reject(5, 1.5, 2.5, 3.0, "auto#12")
         assert store.rejected() == {(5, "auto#12")} and store.at(5) is None
-        assert store.undo() == (1,), "a rejection is no step of undo"
+        assert store.undo() == (5,) and store.rejected() == frozenset()
+        assert store.redo() == (5,) and store.rejected() == {(5, "auto#12")}
+        store.undo()
+    with open_store(tmp_path) as store:
+        assert store.rejected() == frozenset() and store.redo() == (5,)
+        store.reject(5, 1.5, 2.5, 3.0, "auto#12")
+        assert store.undo() == (5,) and store.undo() == (1,), "what is said twice is one step"
+        store.reject(5, 1.5, 2.5, 3.0, "auto#12")
     with open_store(tmp_path) as store:
         assert store.rejected() == {(5, "auto#12")}
+
+
+def test_undo_leaves_a_proposal_rejected_that_another_session_has_rejected_since(tmp_path: Path) -> None:
+    with open_store(tmp_path, session="a") as one, open_store(tmp_path, session="b") as other:
+        one.reject(5, 1.5, 2.5, None, "auto#12")
+        one.undo()
+        other.reject(5, 1.5, 2.5, None, "auto#12")
+        assert one.step_back(redo=True) == UndoStep((), (5,)) and one.rejected() == {(5, "auto#12")}
+        assert one.undo() == () and other.undo() == (5,) and one.rejected() == frozenset()
+
+
+def test_a_rejection_of_an_earlier_version_stays_and_undo_goes_past_it(tmp_path: Path) -> None:
+    with open_store(tmp_path) as store:
+        store.put(ball(1))
+        store.reject(5, 1.5, 2.5, 3.0, "auto#12")
+        with store.writing() as db:
+            db.execute("UPDATE edits SET kind = 'rejected proposal' WHERE edit = 2")
+    with open_store(tmp_path) as store:
+        assert store.undo() == (1,) and not store.can_undo and store.rejected() == {(5, "auto#12")}
 
 
 FILL = """

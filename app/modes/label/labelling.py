@@ -14,7 +14,7 @@ from app.modes.label.label_changes import ProposedLabel, ShownPicture, proposed_
 from app.modes.label.label_picture import PicturePlan
 from app.modes.label.label_writer import Saved
 from app.modes.label.sources import LabelSource, others_of, sources_of
-from app.state.client_state import STEPS_US
+from app.state.client_state import STEPS_US, SpaceColour
 from core.cameras import Camera
 from core.recordings import Recording
 from labels.arrays import LabelArrays, label_arrays
@@ -58,6 +58,8 @@ class LabelView:
     """Centre of a zoomed picture, where nothing is known of the ball."""
     in_space: bool = False
     """Show the events round the cursor in space and time instead of as pictures."""
+    space_colour: SpaceColour = "polarity"
+    """What colours them. Not what the detector says, as in Tune, before one asks for that: a label is one's own."""
     repeat: bool = False
     """A repeat annotation: the label is asked for again, without showing it."""
 

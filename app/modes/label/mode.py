@@ -188,7 +188,7 @@ class LabelMode:
             self._pictures.ask_again()
             self._space.forget()
         if now.shows_space:
-            self._space.ask(scene, self._pictures.centre, wall_s)
+            self._space.ask(scene, self._pictures.centre, state, wall_s)
         else:
             self._pictures.ask(editor, scene, words, wall_s)
         self._display.show_in_time_bar(now, wall_s)

@@ -13,6 +13,7 @@ from app.formatting import html_text
 from app.modes.label.keys import KEYS, label_keys_html
 from app.modes.label.labelling import DEFAULT_ANNOTATOR, LABEL_STEPS_US, WINDOWS_US, ZOOMS, LabelView, UnfitClick
 from app.panels.time_bar import step_label
+from app.state.client_state import SPACE_COLOURS
 from app.widgets import Choice, Listing, when_changed, when_clicked, when_triggered
 from labels.model import Label, LabelState
 
@@ -29,6 +30,10 @@ ANNOTATOR: Final = "Annotator"
 """Label of the field with the annotator's name."""
 FLAT, IN_SPACE = "Picture", "3D"
 SPACE_HINT: Final = "3D: the events of the window and its neighbours in space and time, with the labels"
+SPACE_COLOUR_HINT: Final = (
+    "What Tune's method makes of its window round the cursor: the stage that Tune shows, each candidate, green and red "
+    "candidates; or ON and OFF. A second look has ON and OFF only"
+)
 ACCEPT_ALL_HINT: Final = "Accepts the proposals at this time. Labels in two cameras propose the ball in all others"
 
 RAYS_HINT: Final = "Shows the lines on which the other cameras see the ball, and how well all agree"
@@ -119,6 +124,9 @@ class LabelPanel:
         self._space = Choice(
             gui, "Show", (FLAT, IN_SPACE), lambda value: actions.change(in_space=value == IN_SPACE), hint=SPACE_HINT
         )
+        self._space_colour = Choice(
+            gui, "Colour", SPACE_COLOURS, lambda value: actions.change(space_colour=value), hint=SPACE_COLOUR_HINT
+        )
         self._space_note = gui.add_html("", visible=False)
         self._step = gui.add_dropdown(
             "Label every", [step_label(step) for step in LABEL_STEPS_US], hint="Step between the times to label"
@@ -191,7 +199,8 @@ class LabelPanel:
         self._window.show(f"{view.window_us / 1e3:g}")
         self._zoom.show("whole" if view.zoom == 1 else f"{view.zoom:g}x")
         self._space.show(IN_SPACE if view.in_space else FLAT)
-        self._space_note.visible = view.in_space
+        self._space_colour.show(view.space_colour)
+        self._space_note.visible = self._space_colour.visible = view.in_space
         if step_us in LABEL_STEPS_US:
             self._step.value = step_label(step_us)
         self._snap.value, self._advance.value = view.snap, view.advance

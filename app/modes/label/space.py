@@ -1,4 +1,7 @@
-"""The events round Label's cursor in space and time, and the labels in them, drawn as Tune draws its windows."""
+"""The events round Label's cursor in space and time, and the labels in them, drawn as Tune draws its windows.
+
+They are coloured by polarity, or by what the detector makes of its window round the cursor.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,12 @@ from app.modes.label.sightings import draft_at
 from app.modes.mode import ModeHost
 from app.pictures.canvas import Region
 from app.pictures.palette import PaletteIndex, PolarityColours
-from app.views.space_time import SpaceTime, events_in_space, polarity_inks, span_of
+from app.state.client_state import ClientState, SpaceColour
+from app.views.space_time import SpaceTime, answer_inks, events_in_space, polarity_inks, span_of
+from core.detection.methods import method_config
+from core.detection.saved import SavedDetector
+from core.events import Events
+from core.metrics.run import explain_window
 from core.recordings import CameraStream
 
 Array = NDArray[np.float64]
@@ -49,10 +57,17 @@ class LabelSpaceRequest:
     here: tuple[float, float, float] | None
     """Circle at the time itself: the label, or else what is proposed."""
     is_draft: bool
+    detector: SavedDetector
+    stage: str
+    """The one that Tune shows of that detector."""
+    colour: SpaceColour
 
 
-def space_request(scene: LabelScene, centre: Point) -> LabelSpaceRequest | None:
-    """What is to be seen at the cursor; None for frames, which have no events. A repeat annotation shows no label."""
+def space_request(scene: LabelScene, centre: Point, state: ClientState) -> LabelSpaceRequest | None:
+    """What is to be seen at the cursor; None for frames, which have no events.
+
+    A repeat annotation shows no label, and nothing of what the detector says.
+    """
     now, view, stream = scene.now, scene.now.view, scene.now.source.stream
     if stream is None:
         return None
@@ -67,16 +82,29 @@ def space_request(scene: LabelScene, centre: Point) -> LabelSpaceRequest | None:
     if ball is not None and ball.x_px is not None and ball.y_px is not None:
         here = (ball.x_px, ball.y_px, ball.r_px or NO_RADIUS_PX)
     step_us = max(now.step_us, view.window_us)
-    return LabelSpaceRequest(stream, now.t_us, window, region, scene.colours, step_us, circles, here, draft is not None)
+    return LabelSpaceRequest(
+        stream,
+        now.t_us,
+        window,
+        region,
+        scene.colours,
+        step_us,
+        circles,
+        here,
+        draft is not None,
+        state.detector,
+        state.tune.stage,
+        "polarity" if view.repeat else view.space_colour,
+    )
 
 
 def answer_space(request: LabelSpaceRequest) -> SpaceTime:
-    """Events by polarity, the labels as a tube, and the circle at the cursor through its window."""
+    """Events in their colours, the labels as a tube, and the circle at the cursor through its window."""
     return events_in_space(
         request.stream,
         request.window,
         request.region,
-        lambda events: polarity_inks(events, *request.window),
+        _inks_of(request),
         request.colours,
         request.circles,
         joined_us=request.step_us,
@@ -85,6 +113,15 @@ def answer_space(request: LabelSpaceRequest) -> SpaceTime:
         mark=request.here,
         mark_ink=PaletteIndex.DRAFT if request.is_draft else PaletteIndex.LABEL,
     )
+
+
+def _inks_of(request: LabelSpaceRequest) -> Callable[[Events], NDArray[np.uint8]]:
+    if request.colour == "polarity":
+        return lambda events: polarity_inks(events, *request.window)
+    method, config = request.detector
+    _, end_us = window_around(request.t_us, method_config(method, config).window.window_us)
+    answer = explain_window(request.stream, method, config, end_us)
+    return lambda events: answer_inks(events, request.window, answer, request.stage, request.colour)
 
 
 class LabelSpaceView:
@@ -104,11 +141,11 @@ class LabelSpaceView:
         """It is not on the screen: what was asked for is not to be shown any more."""
         self._asked = None
 
-    def ask(self, scene: LabelScene, centre: Point, wall_s: float) -> None:
+    def ask(self, scene: LabelScene, centre: Point, state: ClientState, wall_s: float) -> None:
         """Draw what is to be seen now, unless that was asked for."""
         now = scene.now
-        key = (now.t_us, now.view, now.here, now.step_us, centre, scene.colours)
-        request = None if key == self._asked else space_request(scene, centre)
+        key = (now.t_us, now.view, now.here, now.step_us, centre, scene.colours, state.detector, state.tune.stage)
+        request = None if key == self._asked else space_request(scene, centre, state)
         if request is not None:
             self._asked = key
             self._host.plane.freshness.ask(request, wall_s)

@@ -274,7 +274,8 @@ class TuneViewPanel:
             )  # fmt: skip
             self._colour = Choice(
                 gui, "Colour", SPACE_COLOURS, lambda value: send(SetSpaceColour(value)),  # type: ignore[arg-type]
-                hint="Of the window's events: as in the stage's picture, ON and OFF, or green and red candidates",
+                hint="Of the window's events: as in the stage's picture, each candidate, ON and OFF, or green and red "
+                "candidates",
             )  # fmt: skip
             self._note = gui.add_html("", visible=False)
         when_changed(self._zoom, lambda value: send(SetZoom(float(str(value)))))

@@ -57,6 +57,9 @@ def test_label_shows_its_labels_in_space_and_time_and_a_click_there_chooses_the_
     window.press("3D")
     window.page.get_by_text("17 windows, 34 ms").wait_for()
     eventually(lambda: host.space.visible and not host.plane._visible and not host.world.visible, "one view at a time")
+    window.press("verdict")
+    green = palette("orange / blue")[PaletteIndex.HULL]
+    eventually(lambda: (host.space._shown.colours == green).all(axis=1).any(), "the ball in the colour of its verdict")
     window.wait_until_camera_stands()
     window.wait_for_pixels("label-space-time", lambda canvas: count_like(canvas, LABELLED_IN_SPACE) > 200)
     window.click_picture(*place_of(window, np.zeros(3)))

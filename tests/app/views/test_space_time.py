@@ -117,6 +117,7 @@ def test_points_are_in_the_box_of_the_zoomed_region_and_go_through_time(stream: 
 
 @pytest.mark.parametrize(("colour", "stage", "ink"), [
     ("stage", "clusters", None),
+    ("cluster", "result", None),
     ("polarity", "clusters", PaletteIndex.ON),
     ("verdict", "result", PaletteIndex.HULL),
 ])  # fmt: skip

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,6 +23,10 @@ from labels.model import ContactKind, ContactLabel
 CAMERAS: Mapping[str, Camera] = stereo_preset("side")
 WINDOW_US = 2_000
 END_US = 3_000_000
+HALF_HIDDEN = Path(__file__).parents[2] / "fixtures" / "half-hidden-hit.csv"
+"""Of seed 4001 of `benchmarks.labels.contact_proposals --from events`: one camera does not see the ball for 0.1 s, in
+the other a person covers a part of it, and its centre is up to 2 px off."""
+HALF_HIDDEN_HIT_US = 4_159_030
 
 
 @pytest.fixture(scope="module")
@@ -105,6 +110,17 @@ def test_a_bounce_and_the_next_hit_are_found_though_one_camera_sees_neither(rall
     near = [contact for contact in found if abs(contact.t_us - middle_us) < 200_000]
     assert [contact.kind for contact in near] == [ContactKind.BOUNCE, ContactKind.HIT]
     assert all(abs(one.t_us - other.t_us) < 1_000 for one, other in zip(near, (bounce, hit), strict=True))
+
+
+def test_a_hit_beside_which_a_camera_sees_the_ball_half_hidden_is_proposed_at_its_time_only() -> None:
+    # What the detector found within 0.2 s of a hit of `simulate --scene rally`: see `HALF_HIDDEN`.
+    rows = [line.split(",") for line in HALF_HIDDEN.read_text("utf-8").splitlines()[1:]]
+    parts = []
+    for name in CAMERAS:
+        t, u, v, r = np.array([row[1:] for row in rows if row[0] == name], np.float64).T
+        parts.append(Proposals(t.astype(np.int64), u, v, r, np.full((len(t), 3), np.nan), WINDOW_US, "refined"))
+    hits = [one for one in propose_contacts(list(CAMERAS.values()), parts) if one.kind is ContactKind.HIT]
+    assert len(hits) == 1 and abs(hits[0].t_us - HALF_HIDDEN_HIT_US) < 1_000
 
 
 def test_two_balls_whose_flights_do_not_meet_have_no_contact(rally: FlightSeries) -> None:

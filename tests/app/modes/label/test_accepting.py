@@ -46,15 +46,22 @@ def test_a_proposal_outside_the_zoomed_picture_is_shown_before_it_is_judged(benc
     assert (BALL_US in bench.work.here.labels) == (key == "accept") and bench.work.here.draft(BALL_US) != draft
 
 
-def test_a_rejected_proposal_is_gone_and_the_time_stays_unchecked(bench: Bench) -> None:
+def test_a_rejected_proposal_is_gone_until_undo_and_the_time_stays_unchecked(bench: Bench) -> None:
     propose(bench, BALL_US)
-    assert bench.work.here.draft(BALL_US) is not None
+    draft = bench.work.here.draft(BALL_US)
+    assert draft is not None
     bench.look(BALL_US)
     bench.press("reject")
     assert bench.work.here.draft(BALL_US) is None and not bench.work.here.labels
     stored = LabelStore.read(bench.folder, Layer(bench.recording.uuid, "left", "anna"))
     assert bench.work.here.proposals is not None
     assert stored.rejected() == {(BALL_US, bench.work.here.proposals.detector)} == bench.work.saved["left"].rejected
+    assert bench.work.saved["left"].can_undo
+    bench.editor.step(+1)
+    bench.press("undo")
+    assert bench.work.here.draft(BALL_US) == draft and bench.work.t_us == BALL_US, "it is seen again"
+    bench.press("redo")
+    assert bench.work.here.draft(BALL_US) is None
 
 
 def test_proposals_of_both_cameras_come_together(bench: Bench) -> None:

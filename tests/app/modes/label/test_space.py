@@ -1,6 +1,7 @@
 """Label's events in space and time, without a browser: which labels are drawn, and what a repeat annotation hides."""
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,14 +10,20 @@ import pytest
 
 from app.modes.label.plan import LabelScene, centre_at
 from app.modes.label.space import LabelSpaceRequest, answer_space, space_request
-from app.pictures.palette import PaletteIndex, palette
+from app.pictures.palette import CLUSTER_COLOURS, PaletteIndex, palette
+from app.state.client_state import ClientState, Configs, History, Playhead, SpaceColour, TuneView
 from app.views.space_time import RING, STAVES, TIME_LENGTH, SpaceTime, event_at
+from core.detection import DetectorConfig
 from labels.assist import Proposals
 from labels.model import Label, LabelState
 from tests.app.modes.label.test_editor import BALL_US, Bench
 
 RGB = palette("orange / blue")
 CYLINDER = 2 * RING + STAVES
+CONFIGS = History(Configs(DetectorConfig(), DetectorConfig()))
+STATE = ClientState(
+    "serve", ("left", "right"), "left", Playhead(1_000_000), CONFIGS, tune=TuneView("clusters", method="auto")
+)
 
 
 @pytest.fixture
@@ -29,7 +36,7 @@ def bench(tmp_path: Path, serve_recording: Path) -> Iterator[Bench]:
 
 def asked(bench: Bench) -> LabelSpaceRequest:
     scene = LabelScene(bench.work)
-    request = space_request(scene, centre_at(scene, bench.work.t_us, None))
+    request = space_request(scene, centre_at(scene, bench.work.t_us, None), STATE)
     assert request is not None
     return request
 
@@ -79,6 +86,30 @@ def test_a_repeat_annotation_shows_the_events_and_no_label(bench: Bench) -> None
     bench.editor.begin_repeat(BALL_US)
     space = drawn(bench)
     assert not len(space.tube) and not len(space.mark) and len(space.points)
+
+
+@pytest.mark.parametrize(("colour", "inks"), [
+    ("stage", range(PaletteIndex.CLUSTER, PaletteIndex.CLUSTER + CLUSTER_COLOURS)),
+    ("cluster", range(PaletteIndex.CLUSTER, PaletteIndex.CLUSTER + CLUSTER_COLOURS)),
+    ("verdict", [PaletteIndex.HULL]),
+])  # fmt: skip
+def test_events_show_what_tunes_detector_makes_of_them_where_that_is_asked_for(
+    bench: Bench, colour: SpaceColour, inks: Sequence[int]
+) -> None:
+    bench.look(BALL_US)
+    by_polarity = drawn(bench).colours
+    bench.editor.change_view({"space_colour": colour})
+    space = drawn(bench)
+    coloured = (space.colours[:, None] == RGB[list(inks)][None]).all(axis=2).any(axis=1)
+    inside = np.abs(space.points[:, 0]) <= np.ptp(space.slab[..., 0]) / 2 + 1e-6
+    assert coloured.sum() > 20 and inside[coloured].all(), "the window round the cursor is also the detector's"
+    assert np.array_equal(space.colours[~inside], by_polarity[~inside])
+    middle_px = float(np.median(space.x_px[coloured])), float(np.median(space.y_px[coloured]))
+    assert math.dist(bench.truth(BALL_US), middle_px) < 10.0, "it is the ball"
+    bench.editor.begin_repeat(BALL_US)
+    hidden = drawn(bench).colours
+    bench.editor.change_view({"space_colour": "polarity"})
+    assert np.array_equal(hidden, drawn(bench).colours), "a second look is not told what the detector says"
 
 
 def test_a_label_without_a_radius_is_no_tube(bench: Bench) -> None:
