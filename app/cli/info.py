@@ -62,7 +62,7 @@ def _list_balls(arguments: InfoArguments) -> None:
     """The balls of a recording, a run, or all of a folder; in a workspace they are indexed, and read from there."""
     require_package("pyarrow", "the index of balls")
     from app.shared.ball_index import ball_sources, index_balls
-    from labels.ball_table import COLUMNS, parse_conditions, select_rows
+    from labels.balls.table import COLUMNS, parse_conditions, select_rows
 
     check_folder(arguments.out)
     conditions = parse_conditions(arguments.where or "")

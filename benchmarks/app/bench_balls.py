@@ -11,8 +11,8 @@ import numpy as np
 from app.modes.watch.ball_list import ROWS, BallQuery, balls_html, moment_link, select_balls
 from app.shared.ball_index import BallIndex
 from benchmarks.machine import describe_machine, report_rows_to
-from labels.ball_rows import BallRow
-from labels.ball_table import joined, table_of
+from labels.balls.rows import BallRow
+from labels.balls.table import joined, table_of
 
 BALLS: Final = 10_000
 BALLS_OF_RECORDING: Final = 100

@@ -35,7 +35,7 @@ def select_balls(request: BallQuery) -> NDArray[np.int64]:
     Raises:
         ConfigError: if a condition is none.
     """
-    from labels.ball_table import parse_conditions, select_rows  # late: pyarrow may be missing, see `index_balls`
+    from labels.balls.table import parse_conditions, select_rows  # late: pyarrow may be missing, see `index_balls`
 
     return select_rows(request.index.table, parse_conditions(request.conditions))
 

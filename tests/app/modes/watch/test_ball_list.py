@@ -14,8 +14,8 @@ from app.shared.ball_index import BallIndex
 from app.state.client_state import ClientState, Configs, History, Playhead
 from core.detection import DetectorConfig
 from core.errors import ConfigError
-from labels.ball_rows import BallRow
-from labels.ball_table import joined, table_of
+from labels.balls.rows import BallRow
+from labels.balls.table import joined, table_of
 
 
 def index_of(rows: list[BallRow], name: str = "demo", **about) -> BallIndex:

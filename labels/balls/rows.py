@@ -147,7 +147,7 @@ def _net_z_m(path: FlownPath, first: int, end: int) -> float:
 def rows_of_recording(recording: FileRecording) -> list[BallRow]:
     """What a file itself says of its balls: the truth, else the stored predictions, else the stored episodes.
 
-    Empty where it says nothing: then only the tracker can find them, see `ball_tracking.py`.
+    Empty where it says nothing: then only the tracker can find them, see `tracking.py`.
     """
     ball, episodes, predictions = recording.ball, recording.read_rows(EPISODES), recording.read_rows(PREDICTIONS)
     rows = [] if ball is None else rows_of_path(path_of_truth(ball), contacts_of_truth(ball), TRUTH)

@@ -10,11 +10,11 @@ import pytest
 from core.chain.follow import true_positions
 from core.events import SensorSize
 from core.recordings import BallTruth, RecordingWriter, open_recording
-from labels.ball_rows import BallRow, path_of_truth, rows_of_path, rows_of_recording, rows_of_run, with_outcomes
-from labels.ball_tracking import rows_of_track
+from labels.balls.rows import BallRow, path_of_truth, rows_of_path, rows_of_recording, rows_of_run, with_outcomes
+from labels.balls.tracking import rows_of_track
 from labels.contacts import contacts_of_truth
 
-RUN = Path(__file__).parents[1] / "fixtures" / "written-by-0.1" / "runs" / "ddpg"
+RUN = Path(__file__).parents[2] / "fixtures" / "written-by-0.1" / "runs" / "ddpg"
 STEP_US = 500
 
 

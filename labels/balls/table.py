@@ -23,7 +23,7 @@ from pyarrow import parquet
 from core.errors import ConfigError
 from core.files import replace_file
 from core.text import parse_json
-from labels.ball_rows import BallRow
+from labels.balls.rows import BallRow
 
 VERSION: Final = 1
 """Version of the rows: what an earlier one made is made again."""

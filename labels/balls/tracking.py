@@ -15,7 +15,7 @@ from core.history.rally_history import FLIGHT_GAP_US, trail_speeds_mps
 from core.recordings import Recording
 from labels.assist.contact_proposals import propose_contacts
 from labels.assist.propose import Proposals
-from labels.ball_rows import TRACKED, BallRow, FlownPath, rows_of_path
+from labels.balls.rows import TRACKED, BallRow, FlownPath, rows_of_path
 
 WINDOW_US: Final = 2_000
 
