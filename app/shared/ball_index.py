@@ -66,6 +66,23 @@ class BallIndex:
         return self.sources[int(np.searchsorted(self.first_rows, row, side="right")) - 1]
 
 
+def moved_rows(rows: NDArray[np.int64], before: BallIndex, after: BallIndex) -> NDArray[np.int64] | None:
+    """Rows of one index in a later one, ascending; those of sources that changed are gone. None: nothing is left."""
+
+    def spans(index: BallIndex) -> dict[BallSource, tuple[int, int]]:
+        return {
+            one: (int(a), int(b))
+            for one, a, b in zip(index.sources, index.first_rows, index.first_rows[1:], strict=False)
+        }
+
+    later, found = spans(after), [np.zeros(0, np.int64)]
+    for source, (first, end) in spans(before).items():
+        if source in later and later[source][1] - later[source][0] == end - first:
+            found.append(rows[(rows >= first) & (rows < end)] - first + later[source][0])
+    moved = np.sort(np.concatenate(found))
+    return moved if len(moved) else None
+
+
 def ball_sources(place: Path, others: Iterable[Path] = ()) -> tuple[BallSource, ...]:
     """The recordings and runs in a workspace, or in any folder; a recording or a run alone.
 

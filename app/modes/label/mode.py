@@ -61,6 +61,7 @@ from core.live.ring_recording import RingRecording
 from core.recordings import Recording
 from labels.arrays import STATES, LabelArrays
 from labels.assist import load_snap
+from labels.balls.to_label import read_moments
 
 IN_BAR_EVERY_S: Final = 0.5
 JUST_NOW: Final = -1
@@ -505,7 +506,9 @@ class LabelMode:
         labelling = begin_labelling(self._recording, self._view, step_us, time.monotonic())
         host.pool.submit(load_snap)
         self._editor = LabelEditor(host.services.label_stores, labelling, callbacks, self._session)
-        self._suggestions = LabelSuggestions(self._editor, host.pool)
+        self._suggestions = LabelSuggestions(
+            self._editor, host.pool, lambda uuid: read_moments(host.services.workspace.root, uuid)
+        )
         self._comparer = LabelComparer(self._editor, host.services.workspace.labels, self._other_stores, host.pool)
         self._panel.offer_cameras(tuple(labelling.sources))
         self._pictures.begin()
