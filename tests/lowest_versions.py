@@ -42,8 +42,8 @@ LEFT_OUT: Final = (
     "tests/core/tuning/test_search.py",
     "tests/core/tuning/test_tune.py",
     "tests/docs",
+    "tests/labels/balls/test_table.py",
     "tests/labels/formats/test_independent_readers.py",
-    "tests/labels/test_ball_table.py",
     "tests/strangers",
     "tests/test_dependencies.py",
 )

@@ -37,6 +37,7 @@ class InfoArguments:
     )
     track: bool = flag("let the tracker find the balls of recordings that say nothing of them; it takes long")
     out: Path | None = flag("write these balls as a table", "FILE.csv")
+    to: Path | None = flag("write the flights and strokes of these balls for `train --balls FILE`", "FILE.json")
     json: bool = flag("print it as JSON")
 
 
@@ -45,7 +46,9 @@ def run(arguments: InfoArguments) -> None:
     if arguments.balls:
         _list_balls(arguments)
         return
-    if wrong := given({"--where": arguments.where, "--track": arguments.track or None, "--out": arguments.out}):
+    if wrong := given(
+        {"--where": arguments.where, "--track": arguments.track or None, "--out": arguments.out, "--to": arguments.to}
+    ):
         raise CommandError("only balls have that", got=", ".join(wrong), remedy="add --balls")
     with progress_bar(f"Reading {arguments.recording.name}") as progress:
         recording = open_recording(arguments.recording, progress=progress)
@@ -62,9 +65,11 @@ def _list_balls(arguments: InfoArguments) -> None:
     """The balls of a recording, a run, or all of a folder; in a workspace they are indexed, and read from there."""
     require_package("pyarrow", "the index of balls")
     from app.shared.ball_index import ball_sources, index_balls
-    from labels.ball_table import COLUMNS, parse_conditions, select_rows
+    from labels.balls.launches import write_launches
+    from labels.balls.table import COLUMNS, STATE, parse_conditions, select_rows
 
     check_folder(arguments.out)
+    check_folder(arguments.to, "--to")
     conditions = parse_conditions(arguments.where or "")
     place = arguments.recording
     sources = ball_sources(place)
@@ -74,18 +79,22 @@ def _list_balls(arguments: InfoArguments) -> None:
     workspace = place if (place / "recordings").is_dir() else None
     with progress_bar("Indexing balls") as progress:
         found = index_balls(sources, workspace, track=arguments.track, progress=progress)
-    rows = found.table.take(select_rows(found.table, conditions)).to_pylist()
+    selected = found.table.take(select_rows(found.table, conditions))
+    rows = selected.to_pylist()
     if arguments.out is not None:
         write_text(arguments.out, csv_text(COLUMNS, ([row[name] for name in COLUMNS] for row in rows)))
+    written = None if arguments.to is None else write_launches(arguments.to, selected)
     unknown = [str(source.path) for source in found.unknown]
     if arguments.json:
         say(json.dumps(json_ready({"path": str(place), "balls": rows, "unknown": unknown, "failed": found.failed})))
         return
     if rows:
-        say(format_table(rows[:SHOWN]))
+        say(format_table(selected.drop_columns(list(STATE)).slice(0, SHOWN).to_pylist()))
     print_lines(
         [f"{len(rows):,} of {len(found.table):,} balls", *(f"not read: {text}" for text in found.failed.values())]
     )
+    if written is not None:
+        say(f"{written.written:,} launches in {arguments.to}, {written.unknown:,} left out: their state is not known")
     print_lines(f"nothing is known of the balls of {path}: --track finds them" for path in unknown)
 
 

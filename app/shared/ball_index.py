@@ -50,7 +50,7 @@ class BallIndex:
     """What was found, as it was when it was read."""
 
     table: pa.Table
-    """Columns as in `labels.ball_table.COLUMNS`, in the order of the sources."""
+    """Columns as in `labels.balls.table.COLUMNS`, in the order of the sources."""
     sources: tuple[BallSource, ...]
     first_rows: NDArray[np.int64]
     """(S + 1,) first row of each source, and the number of rows."""
@@ -64,6 +64,23 @@ class BallIndex:
     def source_of(self, row: int) -> BallSource:
         """Where a row is from."""
         return self.sources[int(np.searchsorted(self.first_rows, row, side="right")) - 1]
+
+
+def moved_rows(rows: NDArray[np.int64], before: BallIndex, after: BallIndex) -> NDArray[np.int64] | None:
+    """Rows of one index in a later one, ascending; those of sources that changed are gone. None: nothing is left."""
+
+    def spans(index: BallIndex) -> dict[BallSource, tuple[int, int]]:
+        return {
+            one: (int(a), int(b))
+            for one, a, b in zip(index.sources, index.first_rows, index.first_rows[1:], strict=False)
+        }
+
+    later, found = spans(after), [np.zeros(0, np.int64)]
+    for source, (first, end) in spans(before).items():
+        if source in later and later[source][1] - later[source][0] == end - first:
+            found.append(rows[(rows >= first) & (rows < end)] - first + later[source][0])
+    moved = np.sort(np.concatenate(found))
+    return moved if len(moved) else None
 
 
 def ball_sources(place: Path, others: Iterable[Path] = ()) -> tuple[BallSource, ...]:
@@ -115,7 +132,7 @@ def index_balls(
         PackageError: without pyarrow.
     """
     require_package("pyarrow", "the index of balls")
-    from labels.ball_table import joined
+    from labels.balls.table import joined
 
     parts, found, unknown, failed, made = [], [], [], {}, 0
     for number, source in enumerate(sources):
@@ -148,9 +165,9 @@ def _rows_of(
     cancelled: Callable[[], bool],
 ) -> tuple[pa.Table, str, bool, bool]:
     """Rows, uuid, whether the source says anything of its balls, and whether the rows were made now."""
-    from labels.ball_rows import rows_of_recording, rows_of_run
-    from labels.ball_table import read_rows, stamp_of, table_of, write_rows
-    from labels.ball_tracking import rows_of_track
+    from labels.balls.rows import rows_of_recording, rows_of_run
+    from labels.balls.table import read_rows, stamp_of, table_of, write_rows
+    from labels.balls.tracking import rows_of_track
 
     stored = None if workspace is None else workspace / CACHE / _cache_name(source)
     known = None if stored is None else read_rows(stored)

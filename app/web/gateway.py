@@ -66,6 +66,7 @@ SCRIPTS: Final = (
     "tour.js",
     "names.js",
     "charts.js",
+    "balls.js",
 )
 """Scripts in the order in which they run; each adds to the object `rallyscope`."""
 

@@ -31,14 +31,19 @@ def trail_speeds_mps(t_us: NDArray[np.int64], ps_world_m: Array) -> Array:
 
     It is that of the chord, so a little low over the milliseconds of a bounce.
     """
+    return np.linalg.norm(trail_velocities_mps(t_us, ps_world_m), axis=1)
+
+
+def trail_velocities_mps(t_us: NDArray[np.int64], ps_world_m: Array) -> Array:
+    """(N, 3) the velocity of which `trail_speeds_mps` is the magnitude."""
     if len(t_us) < 2:
-        return np.full(len(t_us), np.nan)
+        return np.full((len(t_us), 3), np.nan)
     first = np.searchsorted(t_us, t_us - HALF_WINDOW_US, side="left")
     last = np.searchsorted(t_us, t_us + HALF_WINDOW_US, side="right") - 1
     alone = first == last  # gaps on both sides: use the neighbour's
     first, last = np.where(alone, np.maximum(first - 1, 0), first), np.where(alone & (first == 0), last + 1, last)
     seconds = (t_us[last] - t_us[first]) * 1e-6
-    return np.linalg.norm(ps_world_m[last] - ps_world_m[first], axis=1) / seconds
+    return (ps_world_m[last] - ps_world_m[first]) / seconds[:, None]
 
 
 Item = TypeVar("Item")

@@ -1,14 +1,17 @@
-"""Ball states recorded from human play just after a stroke, as a list of JSON objects."""
+"""Ball states just after a stroke, of human play or of selected flights, as a list of JSON objects."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from core.errors import RecordingError
+from core.errors import WRITE_REMEDY, RecordingError
+from core.files import replace_file
 from core.physics.episode import Serves
 from core.text import parse_json
 
@@ -47,6 +50,23 @@ def read_ball_states(path: Path) -> Serves:
     for vectors in (ps, vs, spins):
         vectors[away, :2] *= -1
     return Serves(ps, vs, spins)
+
+
+def write_ball_states(path: Path, serves: Serves, origins: Sequence[Mapping[str, object]]) -> None:
+    """Write states that `read_ball_states` reads; `origins`: N entries that say where each state is from.
+
+    Raises:
+        RecordingError: if the file cannot be written.
+    """
+    columns = [np.stack([-v[:, 1], v[:, 0], v[:, 2]], axis=1) for v in (serves.ps_m, serves.vs_mps, serves.spins_radps)]
+    rows = np.concatenate(columns, axis=1).tolist()
+    states = [{**origin, **dict(zip(KEYS, row, strict=True))} for origin, row in zip(origins, rows, strict=True)]
+    try:
+        replace_file(path, json.dumps(states, indent=1).encode(), durable=True)
+    except OSError as error:
+        raise RecordingError(
+            "cannot write the ball states", got=error.strerror, where=path, remedy=WRITE_REMEDY
+        ) from error
 
 
 def join_serves(parts: list[Serves]) -> Serves:

@@ -39,6 +39,7 @@ from app.views.image_view import DragPhase
 from core.live.ring_recording import RingRecording
 from core.recordings import Recording
 from labels.assist import load_snap
+from labels.balls.to_label import read_moments
 
 JUST_NOW: Final = -1
 """In place of the time at which Label was entered, until the first turn of the loop there."""
@@ -372,7 +373,9 @@ class LabelMode:
         labelling = begin_labelling(self._recording, self._view, step_us, time.monotonic())
         host.pool.submit(load_snap)
         self._editor = LabelEditor(host.services.label_stores, labelling, callbacks, self._session)
-        self._suggestions = LabelSuggestions(self._editor, host.pool)
+        self._suggestions = LabelSuggestions(
+            self._editor, host.pool, lambda uuid: read_moments(host.services.workspace.root, uuid)
+        )
         self._comparer = LabelComparer(self._editor, host.services.workspace.labels, self._other_stores, host.pool)
         self._panel.offer_cameras(tuple(labelling.sources))
         self._pictures.begin()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -28,6 +29,7 @@ from labels.model import ContactLabel, Label
 from labels.store import LabelStore
 
 CHUNK_US: Final = 100_000
+LISTED: Final = "in the list to label"
 SHORTEST_CHUNK_US: Final = 20_000
 """In a short recording: each chunk is handed over by itself, and tells how far the detector is."""
 
@@ -35,8 +37,12 @@ SHORTEST_CHUNK_US: Final = 20_000
 class LabelSuggestions:
     """Work in the background that suggests labels to one browser. Methods are called by the loop."""
 
-    def __init__(self, editor: LabelEditor, pool: Executor) -> None:
+    def __init__(
+        self, editor: LabelEditor, pool: Executor, listed: Callable[[str], tuple[int, ...]] = lambda uuid: ()
+    ) -> None:
+        """`listed` gives the times of a recording, by its uuid, that somebody wants to have labelled."""
         self._editor = editor
+        self._listed = listed
         self._job = LoopJob[None](editor.callbacks.later, editor.callbacks.report)
         self._reached_us = 0
         """The detector that runs has handed over everything before this time."""
@@ -189,11 +195,11 @@ class LabelSuggestions:
     # The queue ----------------------------------------------------------------------------------------------------
 
     def next_suspicious(self) -> None:
-        """Work out what is suspicious, and go to the worst that was not visited yet."""
+        """Go to the first of the list of moments to label that has none, else to what is most suspicious, once each."""
         now = self._editor.labelling
 
         def find() -> Callable[[], None]:
-            items = _suspicious(now)
+            items = (*_wanted(now, self._listed(now.recording.uuid)), *_suspicious(now))
             return lambda: self._go_to_worst(now.view.camera, items)
 
         self._queue_work.submit(find)
@@ -283,6 +289,12 @@ def _check_with(now: Labelling, other: str) -> StereoCheck:
     here_px = np.column_stack([labels.x_px, labels.y_px])
     here_px[~labels.seen] = np.nan
     return check_stereo(now.rig[now.view.camera], here_px, now.rig[other], there_px)
+
+
+def _wanted(now: Labelling, listed: tuple[int, ...]) -> list[QueueItem]:
+    """The listed moments without a label in this camera, by time; each is the nearest time that can be labelled."""
+    times = sorted({now.grid.nearest(t_us) for t_us in listed if t_us < now.recording.duration_us})
+    return [QueueItem(t_us, math.inf, LISTED) for t_us in times if t_us not in now.here.labels]
 
 
 def _suspicious(now: Labelling) -> tuple[QueueItem, ...]:

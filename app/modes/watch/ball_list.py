@@ -1,10 +1,11 @@
-"""The list of balls in Watch: what is selected of the index, a page of it as a table, and links to its moments."""
+"""The balls in Watch: what of the index is shown, as points and as a page of a table, with links to its moments."""
 
 from __future__ import annotations
 
+import base64
 import urllib.parse
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -12,8 +13,9 @@ from numpy.typing import NDArray
 
 from app import theme
 from app.formatting import html_text
+from app.modes.watch.ball_scatter import BallScatter, ScatterAxes, draw_scatter
 from app.modes.watch.figures import muted
-from app.shared.ball_index import BallIndex
+from app.shared.ball_index import BallIndex, BallSource
 
 ROWS: Final = 12
 """Rows of a page."""
@@ -23,21 +25,68 @@ TITLES: Final = ("ball", "m/s", "rad/s", "net, m", "")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BallQuery:
-    """Conditions to select balls by."""
+    """What a person wants to see of the index."""
 
     index: BallIndex
     conditions: str
+    axes: ScatterAxes = field(default_factory=ScatterAxes)
+    selected: NDArray[np.int64] | None = None
+    """Rows that a line was drawn round; None: there is no line."""
+    first: int = 0
+    """Row that the table begins with, of those that are shown."""
+    mode: str = "Watch"
+    """Where a click shows the moment."""
+    name_of: Callable[[BallSource], str] = lambda source: source.name
+    """Name of a recording in the list of recordings."""
 
 
-def select_balls(request: BallQuery) -> NDArray[np.int64]:
-    """Rows of the index that meet the conditions.
+@dataclass(frozen=True, slots=True, eq=False)
+class BallView:
+    """What is shown of it."""
+
+    rows: NDArray[np.int64]
+    """Rows of the index: those that meet the conditions, and of them the selected ones where there are any."""
+    first: int
+    scatter: BallScatter
+    count: str
+    """HTML, as the next."""
+    table: str
+
+
+def view_balls(request: BallQuery) -> BallView:
+    """The points, the number and a page of the balls.
 
     Raises:
         ConfigError: if a condition is none.
     """
-    from labels.ball_table import parse_conditions, select_rows  # late: pyarrow may be missing, see `index_balls`
+    from labels.balls.table import parse_conditions, select_rows  # late: pyarrow may be missing, see `index_balls`
 
-    return select_rows(request.index.table, parse_conditions(request.conditions))
+    index = request.index
+    met = select_rows(index.table, parse_conditions(request.conditions))
+    rows = met if request.selected is None else np.intersect1d(met, request.selected)
+    first = min(max(request.first, 0), (max(len(rows), 1) - 1) // ROWS * ROWS)
+    shown = rows[first : first + ROWS]
+    page = index.table.take(shown).to_pylist()
+    links = [link_of_row(request, row) for row in shown.tolist()]
+    scatter = draw_scatter(index.table, met, request.axes, request.selected)
+    return BallView(rows, first, scatter, count_html(index, len(rows), first), balls_html(page, links))
+
+
+def link_of_row(request: BallQuery, row: int) -> str | None:
+    """Link to the moment of a row of the index; None for a ball of a run, which has none."""
+    source, t_us = request.index.source_of(row), request.index.table.column("t_us")[row].as_py()
+    return None if t_us is None or source.kind == "run" else moment_link(request.name_of(source), request.mode, t_us)
+
+
+def scatter_html(view: BallView) -> str:
+    """The picture of the points with its legend; `balls.js` sends what a hand does on it."""
+    picture = base64.b64encode(view.scatter.png).decode()
+    words = "Points of the balls in the list below. Click: open the moment. Drag: select; with Shift: select more"
+    return (
+        f"<div style='padding:2px 12px;font-size:12px;line-height:1.45'><img data-rallyscope-balls alt='{words}' "
+        f"title='{words}' draggable='false' style='width:100%;display:block;cursor:crosshair;touch-action:none' "
+        f"src='data:image/png;base64,{picture}'>{view.scatter.legend}</div>"
+    )
 
 
 def moment_link(recording: str, mode: str, t_us: int) -> str:

@@ -180,20 +180,25 @@ def select_arrivals(a: Arrivals, which: slice | NDArray[np.bool_] | NDArray[np.i
     return Arrivals(a.legal[which], a.bounce_t_s[which], a.bounce_states[which], a.t_s[which], a.states[which])
 
 
-def part_of_flights(count: int) -> NDArray[np.int8]:
+def part_of_flights(count: int, block: int = BLOCK) -> NDArray[np.int8]:
     """(N,) the place in PARTS of each flight of a file."""
-    blocks = -(-count // BLOCK)
+    blocks = -(-count // block)
     edges = np.round(np.cumsum(SHARES) * blocks).astype(int)
     parts = np.searchsorted(edges, np.random.default_rng(SPLIT_SEED).permutation(blocks), side="right")
-    return np.repeat(parts, BLOCK)[:count].astype(np.int8)
+    return np.repeat(parts, block)[:count].astype(np.int8)
 
 
 @functools.lru_cache(maxsize=4)
 def _parts(files: tuple[tuple[Path, int], ...], task: TaskConfig) -> tuple[RecordedBalls, ...]:
     """Balls by part, see `PARTS`; changed files are read again."""
     read = [read_ball_states(path) for path, _ in files]
-    balls, part = join_serves(read), np.concatenate([part_of_flights(len(one)) for one in read])
-    flown = fly_incoming(balls, task).arrivals
+    balls = join_serves(read)
+    flown, part = fly_incoming(balls, task).arrivals, np.zeros(0)
+    # A selection of a few flights has too few blocks: then they are as large as leaves no part without a playable ball.
+    for block in range(BLOCK, 0, -1):
+        part = np.concatenate([part_of_flights(len(one), block) for one in read])
+        if len(np.unique(part[flown.legal])) == len(PARTS):
+            break
     found = []
     for number, name in enumerate(PARTS):
         which = flown.legal & (part == number)

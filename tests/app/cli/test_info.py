@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from app.cli import main
+from app.cli.train import NewRunArguments, requested_run
 from core.cameras import Camera
 from core.events import Events, SensorSize
+from core.learning.task.environment import draw_serve_batch
+from core.physics.ball_states import read_ball_states
 from core.recordings import PixelTruth, RecordingWriter, Triggers
 from tests.core.recordings.conftest import encode_evt21, random_events
 
@@ -104,11 +108,23 @@ def test_the_balls_of_a_recording_are_listed_selected_and_written(serve_recordin
     assert "1 of 2 balls" in capsys.readouterr().out
 
 
+def test_selected_flights_become_a_file_that_a_training_draws_from(tmp_path, capsys):
+    run, file = Path(__file__).parents[2] / "fixtures" / "written-by-0.1" / "runs" / "ddpg", tmp_path / "balls.json"
+    assert main(["info", str(run), "--balls", "--where", "kind=flight number=1..12", "--to", str(file)]) == 0
+    serves = read_ball_states(file)
+    assert f"{len(serves)} launches" in capsys.readouterr().out
+    config = requested_run(NewRunArguments(balls=str(file), physics="paper")).environment
+    drawn = draw_serve_batch(5.0, 20, config, np.random.default_rng(0))
+    assert {row.tobytes() for row in drawn.serves.states()} <= {row.tobytes() for row in serves.states()}
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         (["--where", "kind=bounce"], "add --balls"),
         (["--track"], "add --balls"),
+        (["--to", "balls.json"], "add --balls"),
+        (["--balls", "--to", "/none/balls.json"], "no such folder"),
         (["--balls", "--where", "spedd=3"], "not a condition on balls"),
     ],
 )

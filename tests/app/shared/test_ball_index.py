@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.shared.ball_index import CACHE, BallIndex, ball_sources, index_balls
+from app.shared.ball_index import CACHE, BallIndex, ball_sources, index_balls, moved_rows
 from core.data_sets import MANIFEST
 from core.events import SensorSize
 from core.recordings import BallTruth, RecordingWriter, open_recording
@@ -110,3 +110,16 @@ def test_labels_are_counted_in_the_flight_and_contacts_at_the_contact(workspace:
     assert found.made == 0
     rows = [row for row in found.table.to_pylist() if row["name"] == "one"]
     assert [(row["kind"], row["labels"]) for row in rows] == [("flight", 2), ("flight", 1)]
+
+
+def test_selected_rows_are_found_again_after_a_source_came_before_them_and_one_changed(workspace: Path) -> None:
+    before = index(workspace)
+    names = before.table.column("name").to_pylist()
+    rows = np.array([names.index("one") + 1, names.index("two")])
+    write_recording(workspace / "recordings" / "a.h5", (4.0,))
+    write_recording(workspace / "recordings" / "two.h5", (7.0, 7.5))
+    after = index(workspace)
+    moved = moved_rows(rows, before, after)
+    assert moved is not None
+    assert after.table.take(moved).to_pylist() == before.table.take(rows[:1]).to_pylist()
+    assert moved_rows(rows[1:], before, after) is None

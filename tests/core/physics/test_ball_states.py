@@ -8,7 +8,7 @@ import pytest
 
 from core.errors import ConfigError, RecordingError
 from core.physics import Serves
-from core.physics.ball_states import KEYS, join_serves, read_ball_states
+from core.physics.ball_states import KEYS, join_serves, read_ball_states, write_ball_states
 from core.physics.task import task_profile
 from core.simulation.episodes import draw_serves, fly_serves
 from core.simulation.episodes.incoming import Incoming, RecordedServes, fly_incoming
@@ -29,6 +29,16 @@ def test_a_state_is_turned_so_that_the_robot_plays_at_negative_x(tmp_path: Path)
     np.testing.assert_allclose(found.ps_m[0], [1.2, -0.1, 0.3])
     np.testing.assert_allclose(found.vs_mps[0], [-5.0, 0.2, 1.0])
     np.testing.assert_allclose(found.spins_radps[0], [4.0, -30.0, -7.0])
+
+
+def test_what_is_written_is_read_as_it_was_with_where_it_is_from(tmp_path: Path) -> None:
+    states = np.arange(18.0).reshape(2, 9) / 10 * np.array([1, 1, 1, -1, 1, 1, 1, 1, 1])
+    serves = Serves(states[:, :3], states[:, 3:6], states[:, 6:])
+    write_ball_states(tmp_path / "a.json", serves, [{"name": "one", "t_us": 2**53 + 1}, {"name": "two", "t_us": None}])
+    np.testing.assert_allclose(read_ball_states(tmp_path / "a.json").states(), states)
+    assert json.loads((tmp_path / "a.json").read_text())[0]["t_us"] == 2**53 + 1
+    with pytest.raises(RecordingError, match="cannot write"):
+        write_ball_states(tmp_path, serves, [{}, {}])
 
 
 def test_a_ball_that_flies_the_other_way_is_turned_half_round_and_does_the_same(tmp_path: Path) -> None:

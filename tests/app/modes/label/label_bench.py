@@ -48,7 +48,8 @@ class Bench:
         labelling = begin_labelling(self.recording, view, 2000, time.monotonic())
         self.editor = LabelEditor(stores, labelling, callbacks, session)
         self.pool = ThreadPoolExecutor(1)
-        self.suggestions = LabelSuggestions(self.editor, self.pool)
+        self.listed_us: tuple[int, ...] = ()
+        self.suggestions = LabelSuggestions(self.editor, self.pool, lambda uuid: self.listed_us)
         self.wait(lambda: set(cameras) <= set(self.work.saved))
 
     @property

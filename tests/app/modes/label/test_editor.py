@@ -12,6 +12,7 @@ from app.modes.label.by_hand import place_ball, set_numbers, set_state
 from app.modes.label.contacts import ContactSearch
 from app.modes.label.keys import ACTS
 from app.modes.label.sightings import agreement_at
+from app.modes.label.suggestions import LISTED
 from app.pictures.palette import PaletteIndex
 from core.events import Events, SensorSize
 from core.recordings import RecordingWriter
@@ -219,6 +220,16 @@ def test_the_queue_leads_to_the_label_that_is_wrong(bench: Bench) -> None:
     bench.press("up_more")
     corrected = bench.work.here.labels[wrong]
     assert corrected != doubted and bench.suggestions.reason_for(corrected) == "", "it spoke of the label before"
+
+
+def test_the_queue_leads_to_the_listed_moments_first_and_not_to_labelled_ones(bench: Bench) -> None:
+    bench.listed_us = (BALL_US + 20_900, BALL_US + 10_001, BALL_US)  # the nearest times that can be labelled are meant
+    bench.click_truth(BALL_US)
+    for t_us in (BALL_US + 10_000, BALL_US + 20_000):
+        bench.look(0)
+        bench.suggestions.next_suspicious()
+        bench.wait(lambda t_us=t_us: bench.work.t_us == t_us)
+        assert bench.suggestions.reason == LISTED
 
 
 def test_a_second_look_goes_to_a_layer_of_its_own(bench: Bench) -> None:

@@ -4,23 +4,33 @@ from __future__ import annotations
 
 import html
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from app.client_session.view_link import commands_of, values_of
-from app.modes.watch.ball_list import BallQuery, balls_html, count_html, moment_link, select_balls
-from app.shared.ball_index import BallIndex
+from app.modes.watch.ball_list import (
+    BallQuery,
+    balls_html,
+    count_html,
+    link_of_row,
+    moment_link,
+    scatter_html,
+    view_balls,
+)
+from app.shared.ball_index import BallIndex, BallSource
 from app.state.client_state import ClientState, Configs, History, Playhead
 from core.detection import DetectorConfig
 from core.errors import ConfigError
-from labels.ball_rows import BallRow
-from labels.ball_table import joined, table_of
+from labels.balls.rows import BallRow
+from labels.balls.table import joined, table_of
 
 
 def index_of(rows: list[BallRow], name: str = "demo", **about) -> BallIndex:
     table = joined([("recording", name, table_of(rows), np.zeros(len(rows), np.int64))])
-    return BallIndex(table, (), np.zeros(1, np.int64), **about)
+    source = BallSource("recording", name, Path("demo.h5"))
+    return BallIndex(table, (source,), np.array([0, len(rows)]), **about)
 
 
 def test_fifty_links_land_on_their_microsecond_in_each_mode_and_change_no_setting() -> None:
@@ -68,7 +78,19 @@ def test_a_name_from_a_file_is_text() -> None:
 
 def test_conditions_select_and_half_of_one_is_refused() -> None:
     found = index_of([BallRow(kind="flight", number=n, speed_mps=float(n), method="truth") for n in range(20)])
-    assert select_balls(BallQuery(found, "speed_mps=3..5")).tolist() == [3, 4, 5]
-    assert "<b>20</b> of 20 events, 13 to 20 shown" in count_html(found, 20, 12)
+    assert view_balls(BallQuery(found, "speed_mps=3..5")).rows.tolist() == [3, 4, 5]
+    assert "<b>20</b> of 20 events, 13 to 20 shown" in view_balls(BallQuery(found, "", first=999)).count
     with pytest.raises(ConfigError, match="not a condition"):
-        select_balls(BallQuery(found, "speed_m"))
+        view_balls(BallQuery(found, "speed_m"))
+
+
+def test_points_and_table_show_the_same_and_a_lasso_narrows_the_table_alone() -> None:
+    rows = [
+        BallRow(kind="flight", number=n, t_us=n, speed_mps=float(n), net_z_m=0.1 * n, method="truth") for n in range(20)
+    ]
+    found = index_of([*rows, BallRow(kind="flight", number=20, t_us=20, method="truth")])
+    view = view_balls(BallQuery(found, "number=5..", selected=np.array([2, 7, 9])))
+    assert view.scatter.rows.tolist() == list(range(5, 20)), "what has no speed has no place"
+    assert view.rows.tolist() == [7, 9] and view.table.count("<a ") == 2
+    assert "1 without a known speed" in view.scatter.legend and "data-rallyscope-balls" in scatter_html(view)
+    assert link_of_row(BallQuery(found, "", mode="Tune"), 7) == moment_link("demo", "Tune", 7)

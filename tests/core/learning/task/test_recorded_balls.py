@@ -90,11 +90,18 @@ def test_a_folder_stands_for_its_files_and_a_changed_file_is_read_again(tmp_path
 def test_no_balls_and_too_few_are_refused_with_a_clear_line(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="no recorded balls"):
         recorded_balls(str(tmp_path), "test", REAL)
-    few = write_states(tmp_path / "few.json", 10)
+    few = write_states(tmp_path / "few.json", 5)
     with pytest.raises(ConfigError, match="no playable ball for"):
         recorded_balls(str(few), "test", REAL)
     with pytest.raises(ConfigError, match="not seen so"):
         dataclasses.replace(environment(few), state="plain", state_source="predicted")
+
+
+def test_a_small_selection_has_balls_for_every_part_and_none_twice(tmp_path: Path) -> None:
+    place = str(write_states(tmp_path / "few.json", 30))
+    sides = [flights(recorded_balls(place, part, REAL).serves.states()) for part in PARTS]
+    assert all(sides) and sum(map(len, sides)) == 30 and len(set.union(*sides)) == 30
+    assert (part_of_flights(700) == part_of_flights(700, BLOCK)).all(), "a file that had all parts keeps its split"
 
 
 def test_of_human_play_most_balls_are_playable_and_a_fifth_is_kept_for_the_test(shared_data: Path) -> None:

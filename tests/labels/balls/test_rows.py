@@ -10,11 +10,11 @@ import pytest
 from core.chain.follow import true_positions
 from core.events import SensorSize
 from core.recordings import BallTruth, RecordingWriter, open_recording
-from labels.ball_rows import BallRow, path_of_truth, rows_of_path, rows_of_recording, rows_of_run, with_outcomes
-from labels.ball_tracking import rows_of_track
+from labels.balls.rows import BallRow, path_of_truth, rows_of_path, rows_of_recording, rows_of_run, with_outcomes
+from labels.balls.tracking import rows_of_track
 from labels.contacts import contacts_of_truth
 
-RUN = Path(__file__).parents[1] / "fixtures" / "written-by-0.1" / "runs" / "ddpg"
+RUN = Path(__file__).parents[2] / "fixtures" / "written-by-0.1" / "runs" / "ddpg"
 STEP_US = 500
 
 
@@ -58,6 +58,8 @@ def test_each_ball_has_its_flights_its_bounce_and_its_stroke_in_order() -> None:
     assert flight.speed_mps == pytest.approx(5) and stroke.speed_mps == pytest.approx(5)  # (4, 3) m/s
     assert bounce.speed_mps == pytest.approx(np.hypot(5, 9.81 * 0.4), abs=0.01)
     assert (flight.spin_radps, stroke.spin_radps, flight.spin_sigma_radps) == (30, 40, 0)
+    assert flight.state == pytest.approx((1, 0, 0.02 + 4.905 * 0.16, -5, 0, 0, 0, 30, 0))
+    assert stroke.state[3:] == pytest.approx((4, 0, 3, 0, 40, 0)) and stroke.state == back.state
     assert flight.net_z_m == pytest.approx(0.02 + 4.905 * (0.4**2 - 0.2**2), abs=1e-3)
     assert bounce.net_z_m == flight.net_z_m and np.isnan([stroke.net_z_m, back.net_z_m]).all()  # it ends before the net
 
@@ -123,6 +125,7 @@ def test_an_episode_of_a_run_is_a_serve_and_a_stroke() -> None:
     assert serve.speed_mps == pytest.approx(np.hypot(2.718923, 1.267855)) and serve.spin_radps == 0
     assert (stroke.net_z_m, stroke.error_m, stroke.outcome) == (0.237159, pytest.approx(0.360430613), "returned")
     assert serve.t_us is None and serve.method == "ddpg"
+    assert np.hypot(*serve.state[3:6:2]) == pytest.approx(serve.speed_mps) and np.isnan(stroke.state).all()
     assert rows_of_run(RUN, 0, lambda: True) == []
 
 
@@ -138,5 +141,7 @@ def test_the_tracker_finds_the_flight_and_the_bounce_that_the_truth_has(serve_re
     assert rows[1].t_us == pytest.approx(truth[1].t_us, abs=1_000)
     assert rows[1].speed_mps == pytest.approx(truth[1].speed_mps, rel=0.05)
     assert rows[0].net_z_m == pytest.approx(truth[0].net_z_m, abs=0.005)
+    np.testing.assert_allclose(rows[0].state[:3], truth[0].state[:3], atol=0.2)
+    np.testing.assert_allclose(rows[0].state[3:6], truth[0].state[3:6], atol=0.3)
     assert rows[0].spin_sigma_radps > 0 and rows[0].method == "tracker"
     assert shares == sorted(shares) and 0 <= shares[0] < 1

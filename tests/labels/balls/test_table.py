@@ -11,8 +11,8 @@ import pyarrow as pa
 import pytest
 
 from core.errors import ConfigError
-from labels.ball_rows import BallRow
-from labels.ball_table import (
+from labels.balls.rows import BallRow
+from labels.balls.table import (
     COLUMNS,
     joined,
     parse_conditions,

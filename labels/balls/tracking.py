@@ -11,11 +11,11 @@ from core.chain.chain import ChainState, RallyChain
 from core.chain.config import ChainConfig
 from core.chain.follow import REPORT_EVERY, calibrated_cameras
 from core.detection.window import windows_side_by_side
-from core.history.rally_history import FLIGHT_GAP_US, trail_speeds_mps
+from core.history.rally_history import FLIGHT_GAP_US, trail_velocities_mps
 from core.recordings import Recording
 from labels.assist.contact_proposals import propose_contacts
 from labels.assist.propose import Proposals
-from labels.ball_rows import TRACKED, BallRow, FlownPath, rows_of_path
+from labels.balls.rows import TRACKED, BallRow, FlownPath, rows_of_path
 
 WINDOW_US: Final = 2_000
 
@@ -59,15 +59,15 @@ def _path(states: list[ChainState], contacts_us: list[int]) -> FlownPath:
     ps = np.array([point.p_world_m for _, point in seen], np.float64).reshape(-1, 3)
     begins = np.diff(t_us, prepend=t_us[:1] - FLIGHT_GAP_US - 1) > FLIGHT_GAP_US
     begins |= np.array([state.verdict == "new flight" for state, _ in seen], np.bool_)
-    speeds, spins, sigmas = (np.full(len(t_us), np.nan) for _ in range(3))
+    vs, spins, sigmas = np.full(ps.shape, np.nan), np.full(ps.shape, np.nan), np.full(len(t_us), np.nan)
     for part in np.split(np.arange(len(t_us)), np.union1d(np.flatnonzero(begins), np.searchsorted(t_us, contacts_us))):
-        speeds[part] = trail_speeds_mps(t_us[part], ps[part])
+        vs[part] = trail_velocities_mps(t_us[part], ps[part])
     for part in np.split(np.arange(len(t_us)), np.flatnonzero(begins)):
         hits = [one.prediction.hit_plane for one, _ in (seen[row] for row in part) if one.prediction is not None]
         known = [(hit.spin_radps, hit.spin_sigma_radps) for hit in hits if hit is not None]
         if known and known[-1][0] is not None and known[-1][1] is not None:
             spin, sigma = known[-1]
-            spins[part] = length = np.linalg.norm(spin)
+            spins[part], length = spin, np.linalg.norm(spin)
             # First order: of a spin near 0 the direction is not known, and any of its components may be the magnitude.
             sigmas[part] = np.linalg.norm(spin * sigma) / length if length > 0 else np.linalg.norm(sigma)
-    return FlownPath(t_us, ps, speeds, spins, sigmas, begins)
+    return FlownPath(t_us, ps, vs, spins, sigmas, begins)

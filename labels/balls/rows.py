@@ -23,6 +23,7 @@ from labels.model import ContactKind, ContactLabel
 Array = NDArray[np.float64]
 Rows = Mapping[str, np.ndarray]
 NAN: Final = math.nan
+UNKNOWN_STATE: Final = (math.nan,) * 9
 KIND_OF: Final = {ContactKind.BOUNCE: "bounce", ContactKind.HIT: "stroke", ContactKind.NET: "net"}
 KINDS: Final = ("flight", *KIND_OF.values())
 TRUTH, PREDICTED, EPISODE, TRACKED = "truth", "prediction", "episode", "tracker"
@@ -56,6 +57,8 @@ class BallRow:
     outcome: str = ""
     """Name of the ball's `Case`, in small letters."""
     method: str
+    state: tuple[float, ...] = UNKNOWN_STATE
+    """(9,) position (m), velocity (m/s) and spin (rad/s) in the world, of the moment of `speed_mps`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,10 +68,12 @@ class FlownPath:
     t_us: NDArray[np.int64]
     ps_world_m: Array
     """(N, 3)."""
-    speeds_mps: Array
+    vs_world_mps: Array
+    """(N, 3)."""
     spins_radps: Array
-    """(N,) magnitudes."""
+    """(N, 3), world axes."""
     spin_sigmas_radps: Array
+    """(N,) of the magnitude of the spin."""
     begins: NDArray[np.bool_]
     """(N,) the first position of a ball."""
 
@@ -76,12 +81,12 @@ class FlownPath:
 def path_of_truth(ball: BallTruth) -> FlownPath:
     """The true path where there is a ball in play."""
     known = ball.visible & np.isfinite(ball.v_world_mps).all(axis=1) & np.isfinite(ball.p_world_m).all(axis=1)
-    t_us, ps, speeds = ball.t_us[known], ball.p_world_m[known], np.linalg.norm(ball.v_world_mps[known], axis=1)
+    t_us, ps, vs = ball.t_us[known], ball.p_world_m[known], ball.v_world_mps[known]
     step_us, moved_m = np.diff(t_us), np.linalg.norm(np.diff(ps, axis=0), axis=1)
     begins = np.ones(len(t_us), np.bool_)
-    begins[1:] = (step_us > LARGEST_GAP_US) | (moved_m > JUMP_M + 2e-6 * step_us * speeds[:-1])
-    spins = np.linalg.norm(ball.spin_radps[known], axis=1)
-    return FlownPath(t_us, ps, speeds, spins, np.where(np.isfinite(spins), 0.0, np.nan), begins)
+    begins[1:] = (step_us > LARGEST_GAP_US) | (moved_m > JUMP_M + 2e-6 * step_us * np.linalg.norm(vs[:-1], axis=1))
+    spins = ball.spin_radps[known]
+    return FlownPath(t_us, ps, vs, spins, np.where(np.isfinite(spins).all(axis=1), 0.0, np.nan), begins)
 
 
 def rows_of_path(path: FlownPath, contacts: Sequence[ContactLabel], method: str) -> list[BallRow]:
@@ -105,11 +110,12 @@ def rows_of_path(path: FlownPath, contacts: Sequence[ContactLabel], method: str)
             number=int(ball[at]),
             t_us=start_us,
             end_us=end_us,
-            speed_mps=float(path.speeds_mps[at]),
-            spin_radps=float(path.spins_radps[at]),
+            speed_mps=float(np.linalg.norm(path.vs_world_mps[at])),
+            spin_radps=float(np.linalg.norm(path.spins_radps[at])),
             spin_sigma_radps=float(path.spin_sigmas_radps[at]),
             net_z_m=net_z_m[flight],
             method=method,
+            state=(*path.ps_world_m[at].tolist(), *path.vs_world_mps[at].tolist(), *path.spins_radps[at].tolist()),
         )
 
     rows = []
@@ -147,7 +153,7 @@ def _net_z_m(path: FlownPath, first: int, end: int) -> float:
 def rows_of_recording(recording: FileRecording) -> list[BallRow]:
     """What a file itself says of its balls: the truth, else the stored predictions, else the stored episodes.
 
-    Empty where it says nothing: then only the tracker can find them, see `ball_tracking.py`.
+    Empty where it says nothing: then only the tracker can find them, see `tracking.py`.
     """
     ball, episodes, predictions = recording.ball, recording.read_rows(EPISODES), recording.read_rows(PREDICTIONS)
     rows = [] if ball is None else rows_of_path(path_of_truth(ball), contacts_of_truth(ball), TRUTH)
@@ -212,14 +218,16 @@ def rows_of_run(run: Path, seed: int, cancelled: Callable[[], bool] = lambda: Fa
         if cancelled():
             break
         serve = line.get("serve")
-        v_spin = np.array([_number(value) for value in serve[3:9]] if isinstance(serve, list) else [], np.float64)
-        serve_speed = float(np.linalg.norm(v_spin[:3])) if len(v_spin) == 6 else _number(line.get("speed_mps"))
-        spin = float(np.linalg.norm(v_spin[3:])) if len(v_spin) == 6 else NAN
+        numbers = tuple(map(_number, serve)) if isinstance(serve, list) else ()
+        is_known = len(numbers) == len(UNKNOWN_STATE)
+        state = numbers if is_known else UNKNOWN_STATE
+        serve_speed = math.hypot(*state[3:6]) if is_known else _number(line.get("speed_mps"))
+        spin = math.hypot(*state[6:])
         number = int(_number(line.get("episode"))) + 1
         error_m, outcome = 1e-3 * _number(line.get("error_mm")), case_name(line.get("case"))
         flight = BallRow(
             kind="flight", number=number, speed_mps=serve_speed, spin_radps=spin, method=agent, error_m=error_m,
-            spin_sigma_radps=0.0 if math.isfinite(spin) else NAN, outcome=outcome,
+            spin_sigma_radps=0.0 if math.isfinite(spin) else NAN, outcome=outcome, state=state,
         )  # fmt: skip
         net_z_m = _number(line.get("net_z_m"))
         stroke = BallRow(kind="stroke", number=number, net_z_m=net_z_m, error_m=error_m, outcome=outcome, method=agent)

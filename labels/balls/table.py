@@ -23,15 +23,18 @@ from pyarrow import parquet
 from core.errors import ConfigError
 from core.files import replace_file
 from core.text import parse_json
-from labels.ball_rows import BallRow
+from labels.balls.rows import BallRow
 
-VERSION: Final = 1
+VERSION: Final = 2
 """Version of the rows: what an earlier one made is made again."""
 STAMP: Final = b"rallyscope"
 INTEGERS: Final = ("number", "t_us", "end_us", "labels")
-NUMBERS: Final = ("speed_mps", "spin_radps", "spin_sigma_radps", "net_z_m", "error_m")
-ROW_COLUMNS: Final = tuple(one.name for one in dataclasses.fields(BallRow))
-COLUMNS: Final = ("source", "name", *ROW_COLUMNS, "labels")
+STATE: Final = ("x_m", "y_m", "z_m", "vx_mps", "vy_mps", "vz_mps", "wx_radps", "wy_radps", "wz_radps")
+"""The nine numbers of `BallRow.state`."""
+NUMBERS: Final = ("speed_mps", "spin_radps", "spin_sigma_radps", "net_z_m", "error_m", *STATE)
+SCALARS: Final = tuple(one.name for one in dataclasses.fields(BallRow) if one.name != "state")
+ROW_COLUMNS: Final = (*SCALARS, *STATE)
+COLUMNS: Final = ("source", "name", *SCALARS, "labels", *STATE)
 """`source`: recording, data set or run; `name`: of the recording or the run; `labels`: of a person, in this event."""
 
 
@@ -71,7 +74,8 @@ def table_of(rows: Sequence[BallRow]) -> pa.Table:
     """The rows of one source, in order; what is not known is null."""
     columns = {}
     for name in ROW_COLUMNS:
-        values = [getattr(row, name) for row in rows]
+        at = STATE.index(name) if name in STATE else None
+        values = [getattr(row, name) if at is None else row.state[at] for row in rows]
         known = [None if value == "" or (isinstance(value, float) and math.isnan(value)) else value for value in values]
         columns[name] = pa.array(known, _type(name))
     return pa.table(columns, ROW_SCHEMA)

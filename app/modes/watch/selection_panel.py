@@ -1,0 +1,130 @@
+"""What the selected balls are used as: moments to label, launches to train on, a data set."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import closing
+from typing import Final
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from app.background.jobs import LoopJob, Progress
+from app.modes.mode import ModeHost
+from app.shared.ball_index import BallIndex
+from app.shared.workspace import Workspace, slug_from
+from core.errors import CommandError
+from core.recordings import open_recording
+
+TO_LABEL: Final = "To label"
+TRAINING: Final = "Training"
+Work = Callable[[Progress, Callable[[], bool]], str]
+
+
+class BallSelectionPanel:
+    """The controls of one browser. Methods are called by its loop; the work is done off it."""
+
+    def __init__(self, gui: viser.GuiApi, host: ModeHost) -> None:
+        self._host = host
+        self._index: BallIndex | None = None
+        self._rows: NDArray[np.int64] = np.zeros(0, np.int64)
+        self._job: LoopJob[str] = LoopJob(host.later, host.report, self._show_running)
+        self._name = gui.add_text("Name", "balls", hint="Of the file or the data set that is written", visible=False)
+        hint = "To label: key K in Label goes there first. Training: a file for `rallyscope train --balls`"
+        self._uses = gui.add_button_group("Use these as", (TO_LABEL, TRAINING), hint=hint, visible=False)
+        self._stop = gui.add_button("Stop writing", icon=viser.Icon.X, visible=False)
+        self._progress = gui.add_progress_bar(0.0, visible=False)
+
+        @self._uses.on_click
+        async def _(event: viser.GuiEvent) -> None:
+            use = str(event.target.value)
+            host.later(lambda: self._use(use))
+
+        @self._stop.on_click
+        async def _(_: viser.GuiEvent) -> None:
+            host.later(self._job.cancel)
+
+    def offer(self, index: BallIndex, rows: NDArray[np.int64]) -> None:
+        """These rows of the index are shown now."""
+        self._index, self._rows = index, rows
+        self._show_running()
+
+    def tick(self) -> None:
+        """Show the progress."""
+        if self._job.share is not None and abs(self._progress.value - 100 * self._job.share) >= 1:
+            self._progress.value = 100 * self._job.share
+
+    def close(self) -> None:
+        """The browser has disconnected."""
+        self._job.close()
+
+    def _show_running(self) -> None:
+        running = self._job.running
+        self._stop.visible = self._progress.visible = running
+        self._name.visible = self._uses.visible = not running and self._index is not None and len(self._rows) > 0
+
+    def _use(self, use: str) -> None:
+        if self._index is None or self._job.running:
+            return
+        index, rows, workspace = self._index, self._rows, self._host.services.workspace
+        work: Work
+        if use == TO_LABEL:
+            work = lambda progress, cancelled: list_to_label(index, rows, workspace, progress, cancelled)  # noqa: E731
+        else:
+            name = slug_from(str(self._name.value))
+            work = lambda progress, cancelled: write_training(index, rows, workspace, name)  # noqa: E731
+        self._job.start(work, lambda text: self._host.note("Selected balls", text, "green"))
+        self._show_running()
+
+
+def list_to_label(
+    index: BallIndex,
+    rows: NDArray[np.int64],
+    workspace: Workspace,
+    progress: Progress = lambda share: None,
+    cancelled: Callable[[], bool] = lambda: False,
+) -> str:
+    """Make the times of these rows the list that is to be labelled; a sentence of what was done.
+
+    Raises:
+        CommandError: if none of them has a recording.
+        RecordingError: if a recording is gone.
+        LabelError: if the list cannot be written.
+    """
+    from labels.balls.to_label import write_moments
+
+    times = index.table.column("t_us")
+    by_source: dict[int, list[int]] = {}
+    for row, source in zip(
+        rows.tolist(), (np.searchsorted(index.first_rows, rows, side="right") - 1).tolist(), strict=True
+    ):
+        if index.sources[source].kind != "run" and (t_us := times[row].as_py()) is not None:
+            by_source.setdefault(source, []).append(t_us)
+    if not by_source:
+        raise CommandError("no ball of a recording among these", remedy="select some of a recording or a data set")
+    moments = {}
+    for number, (source, listed) in enumerate(by_source.items(), start=1):
+        if cancelled():
+            return ""
+        with closing(open_recording(index.sources[source].path)) as recording:
+            moments[recording.uuid] = listed
+        progress(number / len(by_source))
+    write_moments(workspace.root, moments)
+    count = sum(map(len, moments.values()))
+    return f"{count:,} moments in {len(moments):,} recordings are to be labelled: key K in Label goes to them"
+
+
+def write_training(index: BallIndex, rows: NDArray[np.int64], workspace: Workspace, name: str) -> str:
+    """Write the launches of these rows to a file among the exports; a sentence of what was done.
+
+    Raises:
+        CommandError: if there are too few.
+        RecordingError: if the file cannot be written.
+    """
+    from labels.balls.launches import write_launches
+
+    path = workspace.exports / f"{name}.json"
+    done = write_launches(path, index.table.take(rows))
+    left_out = f", {done.unknown:,} left out (state not known)" if done.unknown else ""
+    return f"{done.written:,} launches{left_out}: rallyscope train --balls {path}"
