@@ -99,6 +99,8 @@ class LabelMode:
         self._elsewhere = ("", 0)
         """The camera that the other modes look at, and how often it was handed over, as Label last followed it."""
         self._ring: tuple[float, float, float] | None = None
+        self._looks = False
+        """Whether a person has chosen the middle of the zoomed picture since the last turn of the loop."""
         self._in_bar: LabelArrays | None = None
         self._in_bar_s = 0.0
         self._keys = HeldKeys(self._carry_out, self._waits, self._place)
@@ -113,7 +115,7 @@ class LabelMode:
         )
         self._space = LabelSpaceView(host, lambda shown: self._panel.show_space_note(shown.note), self._picture_failed)
         self._was_in_space = False
-        self._search = BallSearch(host.pool, host.later, self._pictures.move_to, self._failed)
+        self._search = BallSearch(host.pool, host.later, self._ball_found, self._failed)
         actions = PanelActions(
             act=lambda name: host.later(lambda: self._act(name)),
             change=lambda **changes: host.later(lambda: self._do(lambda editor: editor.change_view(changes))),
@@ -152,6 +154,8 @@ class LabelMode:
         """Show the controls or hide them."""
         self._active = active
         self._keys.forget()
+        if active:
+            self._panel.show_name(self._name())  # before a person sees the field: later it would replace what is typed
         self._panel.folder.visible = active
         self._panel.listen_to_keys(active)
         plane = self._host.plane
@@ -203,7 +207,8 @@ class LabelMode:
         scene = self._scene(editor, state)
         if self._pictures.arrives(scene, now.t_us):
             self._ring, scene = None, replace(scene, ring=None)
-            self._search.want(self._ball_request(now, state))
+            self._search.want(None if self._looks else self._ball_request(now, state))
+            self._looks = False
         share = None if self._suggestions is None else self._suggestions.share
         words = status_words(now, editor.writer, self._checked(editor), self._agreement(now), share)
         if self._search.is_missing:
@@ -256,6 +261,7 @@ class LabelMode:
     def _look_at(self, editor: LabelEditor, point: Point) -> None:
         editor.change_view({"centre_px": point, "zoom": max(editor.labelling.view.zoom, ZOOMS[1])})
         self._pictures.look_at(point)
+        self._looks = True
 
     def _pick(self, point: Point) -> None:
         """An event in space was clicked: look there, and choose its cluster in Tune, too."""
@@ -280,6 +286,11 @@ class LabelMode:
         if not follows or stream is None or expected_at(now, now.t_us, view.camera) is not None:
             return None
         return BallRequest(stream, now.t_us, state.detector)
+
+    def _ball_found(self, point: Point) -> None:
+        """The zoomed picture goes there, but not away under a hand that draws a circle in it."""
+        if self._ring is None:
+            self._pictures.move_to(point)
 
     def _show_in_time_bar(self, editor: LabelEditor, wall_s: float) -> None:
         """The labels of the camera by state; in a second look only those of the second look."""
@@ -488,6 +499,12 @@ class LabelMode:
             self._counted = (counted, checked_of(now))
         return self._counted[1]
 
+    def _name(self) -> str:
+        """The name that the field shows: of whoever labels here, or labelled last in this workspace."""
+        if self._editor is not None:
+            return self._editor.labelling.view.annotator
+        return self._view.annotator if self._named else last_annotator(self._host.services.workspace.labels)
+
     def _open(self) -> None:
         if self._editor is not None or self._recording is None:
             return
@@ -500,8 +517,7 @@ class LabelMode:
             lambda t_us: host.send(Seek(t_us)),
         )
         step_us = DEFAULT_STEP_US if state is None else state.step_us
-        if not self._named:
-            self._view = replace(self._view, annotator=last_annotator(host.services.workspace.labels))
+        self._view = replace(self._view, annotator=self._name())
         labelling = begin_labelling(self._recording, self._view, step_us, time.monotonic())
         host.pool.submit(load_snap)
         self._editor = LabelEditor(host.services.label_stores, labelling, callbacks, self._session)
