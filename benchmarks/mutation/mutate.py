@@ -41,6 +41,8 @@ LONGEST_WAIT_S: Final = 900.0
 """On the clock, for a test that waits for ever while its reach is measured."""
 LONGEST_S: Final = 60.0
 """Of the tests that are asked about one mutant, the fastest first."""
+USAGE_ERROR: Final = 4
+"""Exit status of pytest where a test that is asked for is not there."""
 COMPILED_S: Final = 100.0
 """For the slow tests, compiled; what is not decided then counts as survived."""
 HERE: Final = Path(__file__).resolve().parent
@@ -111,12 +113,16 @@ class Reach:
                     mine.setdefault(line, []).extend(reached)
 
     def tests_of(self, mutant: Mutant) -> list[str]:
-        """The fastest first. What runs at import matters to all tests that reach the file, or else to all."""
+        """The fastest first. What runs at import matters to all tests that reach the file, or else to all.
+
+        A slow test was ended before it had reached all that it reaches: it is asked about every line of its files.
+        """
         lines = self.lines.get(mutant.path, {})
         contexts = set(lines.get(str(mutant.line), []))
+        anywhere = {context for every in lines.values() for context in every}
         if "" in contexts:
-            contexts = {context for every in lines.values() for context in every}
-            contexts = contexts & self.seconds.keys() or set(self.seconds)
+            contexts = anywhere & self.seconds.keys() or set(self.seconds)
+        contexts |= anywhere & self.slow
         return sorted(contexts & self.seconds.keys(), key=lambda test: (self.seconds[test], test))
 
 
@@ -142,14 +148,16 @@ def _measure(area: Area, copy: Copy, path: str) -> dict[str, Any]:
     tests.unlink(missing_ok=True)
     measured = {"data_file": str(data), "config_file": False, "include": [f"{copy.root}/{path}" for path in area.files]}
     env = {"REACH_TESTS": str(tests), "REACH_SLOWEST_S": f"{SLOWEST_TEST_S:g}"}
-    copy.run(arguments("-p", "reach", f"--timeout={LONGEST_WAIT_S:g}", path), 900.0, measured, **env)
+    status, said = copy.run(arguments("-p", "reach", f"--timeout={LONGEST_WAIT_S:g}", path), 900.0, measured, **env)
+    if not tests.exists():
+        raise SystemExit(f"{path} ended with status {status} and says nothing of its tests\n{said[-2000:]}")
     lines: dict[str, dict[int, list[str]]] = {}
     if data.exists():
         found = CoverageData(str(data))
         found.read()
         for file in found.measured_files():
             lines[Path(file).relative_to(copy.root).as_posix()] = found.contexts_by_lineno(file)
-    return {"file": path, "tests": json.loads(tests.read_text("utf-8")) if tests.exists() else {}, "lines": lines}
+    return {"file": path, "tests": json.loads(tests.read_text("utf-8")), "lines": lines}
 
 
 def judge(mutant: Mutant, text: str, reach: Reach, copy: Copy, start_s: float) -> dict[str, Any]:
@@ -168,6 +176,9 @@ def judge(mutant: Mutant, text: str, reach: Reach, copy: Copy, start_s: float) -
     try:
         limit = start_s + PATIENCE * sum(reach.seconds[test] for test in fast)
         status, said = copy.run(arguments("-x", "--timeout=0", *fast), limit) if fast else (0, "")
+        if status == USAGE_ERROR:  # a case is named after the value that is changed: then all cases of its function
+            functions = dict.fromkeys(test.partition("[")[0] for test in fast)
+            status, said = copy.run(arguments("-x", "--timeout=0", *functions), limit)
         slow = [test for test in asked if test in reach.slow]
         if status == 0 and slow:
             status, said = copy.run_compiled(arguments("-x", "--timeout=0", *slow), COMPILED_S)

@@ -16,6 +16,8 @@ import coverage
 import pytest
 
 FIXTURE = "fixture "
+AGAIN_S = 5.0
+"""After which a test that took no notice is told once more."""
 
 
 class TooSlow(BaseException):
@@ -53,7 +55,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
     _switch(item.nodeid)
     began_s = _processor_s()
     signal.signal(signal.SIGPROF, _too_slow)
-    signal.setitimer(signal.ITIMER_PROF, float(os.environ["REACH_SLOWEST_S"]))  # counts this process's time only
+    signal.setitimer(signal.ITIMER_PROF, float(os.environ["REACH_SLOWEST_S"]), AGAIN_S)  # this process's time only
     try:
         return (yield)
     finally:

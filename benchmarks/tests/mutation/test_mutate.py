@@ -117,6 +117,24 @@ def test_what_the_tests_see_is_killed_and_what_they_do_not_lives(tree: Path) -> 
     assert said.splitlines()[-1].startswith("tiny  7  4  1  1  1  67% (30% to 90%)")
 
 
+NAMED_AFTER = """import pytest
+
+from tiny.sums import LARGE, is_large
+
+
+@pytest.mark.parametrize("a", [LARGE])
+def test_the_limit_is_not_large(a):
+    assert not is_large(a)
+"""
+
+
+def test_a_case_that_is_named_after_what_is_changed_is_asked_all_the_same(tree: Path) -> None:
+    (tree / "tiny/sums.py").write_text("LARGE = 10\n\n\ndef is_large(a):\n    return a > LARGE\n")
+    (tree / "tests/test_sums.py").write_text(NAMED_AFTER)
+    rows, _ = rows_of(tree)
+    assert {row["line"]: row["verdict"] for row in rows}["LARGE = 10"] == "survived", "nothing says how much is large"
+
+
 SLOW_AND_WAITING = """import select
 
 
