@@ -17,12 +17,8 @@ import concurrent.futures
 import hashlib
 import json
 import math
-import os
 import queue
 import random
-import resource
-import shutil
-import subprocess
 import sys
 import tempfile
 import threading
@@ -32,19 +28,23 @@ from collections import Counter
 from pathlib import Path
 from typing import Any, Final
 
+from coverage import CoverageData
+
+from benchmarks.mutation.copies import Copy, fork_server
 from benchmarks.mutation.mutants import Mutant, find_mutants
 
 SLOWEST_TEST_S: Final = 20.0
-"""Tests that take longer without the compiler are asked last, and compiled."""
+"""Tests that take longer on the processor without the compiler are asked last, and compiled."""
 PATIENCE: Final = 3.0
 """A mutant may take so many times the time of its tests, on the processor; beyond that it is as good as killed."""
-WAITING: Final = 4.0
-"""And so many times that on the clock, for a machine with other work, and for tests that wait for ever."""
+LONGEST_WAIT_S: Final = 900.0
+"""On the clock, for a test that waits for ever while its reach is measured."""
 LONGEST_S: Final = 60.0
 """Of the tests that are asked about one mutant, the fastest first."""
+USAGE_ERROR: Final = 4
+"""Exit status of pytest where a test that is asked for is not there."""
 COMPILED_S: Final = 100.0
 """For the slow tests, compiled; what is not decided then counts as survived."""
-NOT_COPIED: Final = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info", "build", "dist", "rallyscope-data")
 HERE: Final = Path(__file__).resolve().parent
 AREAS: Final = "benchmarks/mutation/areas.toml"
 EQUIVALENT: Final = "benchmarks/mutation/equivalent.toml"
@@ -56,6 +56,7 @@ class Area:
 
     def __init__(self, root: Path, name: str) -> None:
         areas = tomllib.loads((root / AREAS).read_text(encoding="utf-8"))
+        self.libraries: list[str] = areas.pop("libraries", [])
         if name not in areas:
             raise SystemExit(f"no area {name}; there are {', '.join(areas)}")
         self.root, self.name, self.kept = root, name, root / ".mutation"
@@ -79,44 +80,9 @@ def _files(root: Path, folder: str, pattern: str) -> list[str]:
     return [path.relative_to(root).as_posix() for path in found]
 
 
-class Copy:
-    """A copy of the tree in a temporary folder, with the shared data beside it."""
-
-    def __init__(self, root: Path, folder: Path) -> None:
-        self.root = folder / "tree"
-        shutil.copytree(root, self.root, ignore=NOT_COPIED)
-        if (root.parent / "shared").is_dir():
-            (folder / "shared").symlink_to(root.parent / "shared")
-
-    def run(self, command: list[str], timeout_s: float, *, compiled: bool = False, **env: str) -> tuple[int, str]:
-        """Run Python here; the exit status, below 0 after the limit of processor or clock time, and what was said."""
-        paths = [str(self.root), str(HERE), *filter(None, [os.environ.get("PYTHONPATH")])]
-        whole = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "PYTHONDONTWRITEBYTECODE": "1", **env}
-        whole |= {"NUMBA_CACHE_DIR": str(self.root.parent / "numba")} if compiled else {"NUMBA_DISABLE_JIT": "1"}
-        process = subprocess.Popen(
-            [sys.executable, *command], cwd=self.root, env=whole, encoding="utf-8", start_new_session=True,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, errors="replace",
-            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(timeout_s), math.ceil(timeout_s))),
-        )  # fmt: skip
-        try:
-            return _finish(process, WAITING * timeout_s)
-        finally:
-            if process.poll() is None:
-                os.killpg(process.pid, 9)
-                process.wait()
-
-
-def _finish(process: subprocess.Popen[str], timeout_s: float) -> tuple[int, str]:
-    try:
-        said, _ = process.communicate(timeout=timeout_s)
-    except subprocess.TimeoutExpired:
-        return -9, "time limit"
-    return process.returncode, said
-
-
-def pytest_command(*more: str) -> list[str]:
-    """The start of each call of pytest, for tests of every size: the tree's own choice of marks is set aside."""
-    return ["-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "", *more]
+def arguments(*more: str) -> list[str]:
+    """Of each call of pytest, for tests of every size: the tree's own choice of marks is set aside."""
+    return ["-q", "-p", "no:cacheprovider", "-m", "", *more]
 
 
 class Reach:
@@ -147,12 +113,17 @@ class Reach:
                     mine.setdefault(line, []).extend(reached)
 
     def tests_of(self, mutant: Mutant) -> list[str]:
-        """The fastest first. What runs at import matters to all tests that reach the file, or else to all."""
+        """The fastest first. What runs at import matters to all tests that reach the file or mirror it, or else to all.
+
+        A slow test was ended before it had reached all that it reaches: it is asked about every line of its files.
+        """
         lines = self.lines.get(mutant.path, {})
         contexts = set(lines.get(str(mutant.line), []))
+        anywhere = {context for every in lines.values() for context in every}
         if "" in contexts:
-            contexts = {context for every in lines.values() for context in every}
-            contexts = contexts & self.seconds.keys() or set(self.seconds)
+            mirror = f"test_{Path(mutant.path).name}::"  # may read a constant and run no line
+            contexts = {test for test in self.seconds if test in anywhere or mirror in test} or set(self.seconds)
+        contexts |= anywhere & self.slow
         return sorted(contexts & self.seconds.keys(), key=lambda test: (self.seconds[test], test))
 
 
@@ -173,23 +144,21 @@ def measure_reach(area: Area, copy: Copy) -> Reach:
 
 
 def _measure(area: Area, copy: Copy, path: str) -> dict[str, Any]:
-    import coverage
-
     data, tests = copy.root.parent / "coverage", copy.root.parent / "tests.json"
     data.unlink(missing_ok=True)
     tests.unlink(missing_ok=True)
-    settings = copy.root.parent / "coveragerc"
-    settings.write_text("[run]\ninclude =\n" + "".join(f"    {copy.root}/{path}\n" for path in area.files), "utf-8")
-    command = ["-m", "coverage", "run", f"--rcfile={settings}", f"--data-file={data}"]
-    limit = f"--timeout={SLOWEST_TEST_S:g}"
-    copy.run([*command, *pytest_command("-p", "reach", limit, path)], 900.0, REACH_TESTS=str(tests))
+    measured = {"data_file": str(data), "config_file": False, "include": [f"{copy.root}/{path}" for path in area.files]}
+    env = {"REACH_TESTS": str(tests), "REACH_SLOWEST_S": f"{SLOWEST_TEST_S:g}"}
+    status, said = copy.run(arguments("-p", "reach", f"--timeout={LONGEST_WAIT_S:g}", path), 900.0, measured, **env)
+    if not tests.exists():
+        raise SystemExit(f"{path} ended with status {status} and says nothing of its tests\n{said[-2000:]}")
     lines: dict[str, dict[int, list[str]]] = {}
     if data.exists():
-        measured = coverage.CoverageData(str(data))
-        measured.read()
-        for file in measured.measured_files():
-            lines[Path(file).relative_to(copy.root).as_posix()] = measured.contexts_by_lineno(file)
-    return {"file": path, "tests": json.loads(tests.read_text("utf-8")) if tests.exists() else {}, "lines": lines}
+        found = CoverageData(str(data))
+        found.read()
+        for file in found.measured_files():
+            lines[Path(file).relative_to(copy.root).as_posix()] = found.contexts_by_lineno(file)
+    return {"file": path, "tests": json.loads(tests.read_text("utf-8")), "lines": lines}
 
 
 def judge(mutant: Mutant, text: str, reach: Reach, copy: Copy, start_s: float) -> dict[str, Any]:
@@ -207,10 +176,13 @@ def judge(mutant: Mutant, text: str, reach: Reach, copy: Copy, start_s: float) -
     place.write_text(mutant.apply(text), encoding="utf-8")
     try:
         limit = start_s + PATIENCE * sum(reach.seconds[test] for test in fast)
-        status, said = copy.run(pytest_command("-x", "--timeout=0", *fast), limit) if fast else (0, "")
+        status, said = copy.run(arguments("-x", "--timeout=0", *fast), limit) if fast else (0, "")
+        if status == USAGE_ERROR:  # a case is named after the value that is changed: then all cases of its function
+            functions = dict.fromkeys(test.partition("[")[0] for test in fast)
+            status, said = copy.run(arguments("-x", "--timeout=0", *functions), limit)
         slow = [test for test in asked if test in reach.slow]
         if status == 0 and slow:
-            status, said = copy.run(pytest_command("-x", "--timeout=0", *slow), COMPILED_S, compiled=True)
+            status, said = copy.run_compiled(arguments("-x", "--timeout=0", *slow), COMPILED_S)
             status = max(status, 0)
     finally:
         place.write_text(text, encoding="utf-8")
@@ -262,8 +234,9 @@ def run(area: Area, drawn: list[tuple[Mutant, str]], jobs: int, start_s: float) 
     lock = threading.Lock()
     with tempfile.TemporaryDirectory(prefix="mutate-") as folder:
         copies: queue.Queue[Copy] = queue.Queue()
+        forks = fork_server(area.libraries)
         for number in range(jobs):
-            copies.put(Copy(area.root, Path(folder) / str(number)))
+            copies.put(Copy(area.root, Path(folder) / str(number), forks))
         first = copies.get()
         reach = measure_reach(area, first)
         copies.put(first)

@@ -83,7 +83,7 @@ class LabelMode:
         self._pointer = LabelPointer(self._pictures)
         self._space = LabelSpaceView(host, lambda shown: self._panel.show_space_note(shown.note), self._picture_failed)
         self._was_in_space = False
-        self._search = BallSearch(host.pool, host.later, self._pictures.move_to, self._failed)
+        self._search = BallSearch(host.pool, host.later, self._ball_found, self._failed)
         actions = PanelActions(
             act=lambda name: host.later(lambda: self._act(name)),
             change=lambda **changes: host.later(lambda: self._do(lambda editor: editor.change_view(changes))),
@@ -124,6 +124,8 @@ class LabelMode:
         """Show the controls or hide them."""
         self._active = active
         self._keys.forget()
+        if active:
+            self._panel.show_name(self._name())  # before a person sees the field: later it would replace what is typed
         self._panel.folder.visible = active
         self._panel.listen_to_keys(active)
         plane = self._host.plane
@@ -176,7 +178,8 @@ class LabelMode:
         scene = self._scene(editor, state)
         if self._pictures.arrives(scene, now.t_us):
             self._pointer.ring, scene = None, replace(scene, ring=None)
-            self._search.want(self._ball_request(now, state))
+            self._search.want(None if self._pointer.looks else self._ball_request(now, state))
+            self._pointer.looks = False
         checked, agreement = self._display.checked(now), self._display.agreement(now)
         words = status_words(now, editor.writer, checked, agreement, suggestions.share)
         if self._search.is_missing:
@@ -238,6 +241,11 @@ class LabelMode:
         if not follows or stream is None or expected_at(now, now.t_us, view.camera) is not None:
             return None
         return BallRequest(stream, now.t_us, state.detector)
+
+    def _ball_found(self, point: Point) -> None:
+        """The zoomed picture goes there, but not away under a hand that draws a circle in it."""
+        if self._pointer.ring is None:
+            self._pictures.move_to(point)
 
     # Pictures -----------------------------------------------------------------------------------------------------
 
@@ -356,6 +364,12 @@ class LabelMode:
         self._host.later(self._keys.forget)  # no picture: what waits for it would wait for ever
         self._host.later(lambda: self._host.report(error))
 
+    def _name(self) -> str:
+        """The name that the field shows: of whoever labels here, or labelled last in this workspace."""
+        if self._editor is not None:
+            return self._editor.labelling.view.annotator
+        return self._view.annotator if self._sign_in.named else last_annotator(self._host.services.workspace.labels)
+
     def _open(self) -> None:
         if self._editor is not None or self._recording is None:
             return
@@ -368,8 +382,7 @@ class LabelMode:
             lambda t_us: host.send(Seek(t_us)),
         )
         step_us = DEFAULT_STEP_US if state is None else state.step_us
-        if not self._sign_in.named:
-            self._view = replace(self._view, annotator=last_annotator(host.services.workspace.labels))
+        self._view = replace(self._view, annotator=self._name())
         labelling = begin_labelling(self._recording, self._view, step_us, time.monotonic())
         host.pool.submit(load_snap)
         self._editor = LabelEditor(host.services.label_stores, labelling, callbacks, self._session)

@@ -19,6 +19,8 @@ class LabelPointer:
         self._pictures = pictures
         self.ring: tuple[float, float, float] | None = None
         """The circle that is being drawn: column, row and radius, px."""
+        self.looks = False
+        """Whether a person has chosen the middle of the zoomed picture since the last turn of the loop."""
 
     def click(self, editor: LabelEditor, x: float, y: float) -> None:
         """The ball is here; in the strip or the overview: look there; in another camera's picture: label that."""
@@ -41,6 +43,7 @@ class LabelPointer:
         """Zoom in on a point of the sensor, px."""
         editor.change_view({"centre_px": point, "zoom": max(editor.labelling.view.zoom, ZOOMS[1])})
         self._pictures.look_at(point)
+        self.looks = True
 
     def drag(self, editor: LabelEditor, phase: DragPhase, start: Point, end: Point) -> None:
         """From the centre to the rim."""

@@ -1,6 +1,7 @@
 // viser's windows over the page close by their buttons only. Enter in a field is the first of them, Escape the last: each
 // window of ours has what it asks for first, and the way out last.
 {
+  const FIELD = "input:not([type=checkbox])";
   let pressing = null;
 
   const buttonsOf = (over) => [...over.querySelectorAll("button")].filter((button) => button.offsetParent && !button.disabled);
@@ -16,14 +17,14 @@
   const opened = new WeakSet(); // what such a window offers in its first field is replaced by what is typed at once
   addEventListener("focusin", (event) => {
     const over = event.target instanceof Element && event.target.closest("[class*=mantine-Modal-content]");
-    if (!over || opened.has(over) || !event.target.matches("input:not([type=checkbox])") || !isOurs(over)) return;
+    if (!over || opened.has(over) || !event.target.matches(FIELD) || !isOurs(over)) return;
     opened.add(over);
     event.target.select();
   });
 
   const entered = new WeakSet(); // a window whose fields come a moment after it takes the keyboard itself, and would keep it
   const enterField = (over) => {
-    const field = over.querySelector("input:not([type=checkbox])");
+    const field = over.querySelector(FIELD);
     if (field && document.activeElement === over) field.focus();
     return field !== null || document.activeElement !== over;
   };
@@ -39,7 +40,13 @@
     if (event.isComposing || event.ctrlKey || event.metaKey || event.altKey) return;
     const over = [...document.querySelectorAll("[class*=mantine-Modal-content]")].at(-1);
     if (!over || !isOurs(over)) return;
-    const isTyping = over.contains(event.target) && event.target.matches("input");
+    const field = over.querySelector(FIELD), isOutside = !over.contains(event.target); // it takes the keyboard a moment after it is seen
+    if (isOutside && field && [...event.key].length === 1) {
+      field.focus(); // now, so that this letter is typed there and is no key of the app
+      event.stopImmediatePropagation();
+      return;
+    }
+    const isTyping = isOutside ? field !== null : event.target.matches("input");
     const number = event.key === "Escape" ? -1 : event.key === "Enter" && isTyping ? 0 : null;
     const button = number === null ? null : buttonsOf(over).at(number);
     if (!button) return;

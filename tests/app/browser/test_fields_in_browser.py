@@ -69,8 +69,28 @@ async () => {
 """A window that takes the keyboard before its field has come, as on a slow page."""
 
 
+UNFOCUSED = """
+() => {
+  const over = document.body.appendChild(document.createElement("section"));
+  over.className = "mantine-Modal-content";
+  over.appendChild(document.createElement("input")).value = "offered";
+}
+"""
+"""A window that is seen and has not taken the keyboard yet."""
+TAKE_AWAY = """
+() => {
+  const over = document.querySelector("section.mantine-Modal-content"), { value } = over.querySelector("input");
+  over.remove();
+  return value;
+}
+"""
+
+
 def a_field_that_comes_late_has_the_keyboard(window: Window) -> None:
     assert window.page.evaluate(LATE_FIELD) == "INPUT"
+    window.page.evaluate(UNFOCUSED)
+    type_fast(window, "anna")
+    assert window.page.evaluate(TAKE_AWAY) == "anna", "typed before the window took the keyboard"
 
 
 def a_name_in_the_panel_gives_the_keyboard_back(window: Window, mode, name: str, delay_ms: float) -> None:

@@ -7,6 +7,7 @@ from dataclasses import fields
 
 import pytest
 
+from app.modes.label.annotator import remember_annotator
 from app.modes.label.by_hand import place_ball, set_state
 from app.modes.label.labelling import LabelView
 from app.modes.label.plan import plan_at
@@ -280,10 +281,14 @@ def test_a_drag_gives_centre_and_radius(labelling) -> None:
     x, y = (float(v[0]) for v in labelling.truth(BALL_US))
     labelling.page.mouse.click(*labelling.on_sheet(*labelling.overview(x, y)))
     labelling.settle()
+    mode = labelling.mode
+    assert mode._search._wanted is None, "where a person looks, no answer that comes late moves the picture"
     start, end = labelling.screen(x, y), labelling.screen(x + 9.5, y)
     labelling.page.mouse.move(*start)
     labelling.page.mouse.down()
     labelling.page.mouse.move(*end, steps=8)
+    eventually(lambda: mode._ring, "the ring that is drawn")
+    labelling.window.session.later(lambda: mode._search._found((100.0, 100.0)))  # nor under a hand that draws
     labelling.page.wait_for_timeout(300)
     labelling.window.screenshot("label-drag")
     labelling.page.mouse.up()
@@ -430,13 +435,15 @@ def test_contacts_are_proposed_accepted_set_and_moved_by_keys_and_reached_from_a
     }
 
 
-def test_what_happens_meanwhile_does_not_write_into_the_name_that_is_typed(window) -> None:
+def test_what_happens_meanwhile_does_not_write_into_the_name_that_is_typed(window, workspace) -> None:
+    name, field = "last-one", window.field("Annotator")
+    remember_annotator(workspace.labels, name)
     window.press("Label")
+    field.wait_for()
+    assert field.input_value() == name, "the name that is offered is there as soon as its field"
+    field.fill("")
     mode = window.session._modes["Label"]
     eventually(lambda: mode._editor is not None and mode._editor.labelling.on_screen, "the picture")
-    name = mode._editor.labelling.view.annotator
-    field = window.field("Annotator")
-    field.fill("")
     there_us = mode._editor.labelling.t_us + 100_000
     window.session.send(Seek(there_us))
     eventually(lambda: mode._display.t_us == there_us, "the panel to follow")

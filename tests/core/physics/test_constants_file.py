@@ -51,6 +51,11 @@ def test_a_chain_begins_with_them_and_goes_on_learning(tmp_path: Path) -> None:
     assert nothing_learned(ChainConfig().filter).means.tolist() != learned.means.tolist()
 
 
+def test_a_constant_may_be_known_without_a_spread(tmp_path: Path) -> None:
+    report = REPORT | {"friction": {"value": 0.3, "sigma": 0}}
+    assert read_constants(write(tmp_path, report)).friction.sigma == 0
+
+
 @pytest.mark.parametrize(
     ("report", "says"),
     [

@@ -132,7 +132,9 @@ def test_the_true_model_predicts_better_than_gravity_alone() -> None:
 
 def test_the_spread_is_that_of_the_choice_of_flights() -> None:
     made, _ = flights(6, seed=6)
-    spread = bootstrap(made, fit_physics(made, MAGNUS), 3, 0, lambda share: None)
+    shares: list[float] = []
+    spread = bootstrap(made, fit_physics(made, MAGNUS), 3, 0, shares.append)
+    assert shares == pytest.approx([1 / 3, 2 / 3, 1])
     assert 0 < spread.drag_coefficient < 0.05 and 0 < spread.restitution < 0.05 and spread.samples == 3
 
 

@@ -89,6 +89,13 @@ def test_topspin_pulls_the_ball_down() -> None:
     assert flown(topspin, 0.3, 60, REAL)[2] < flown(towards_robot, 0.3, 60, REAL)[2] - 0.02
 
 
+def test_a_ball_that_is_in_the_air_for_longer_than_three_seconds_is_not_followed() -> None:
+    table = (0.0, 0.0, 1.0, 0.0, -BALL_RADIUS_M)
+    thrown = [np.array([0, 0, 0.3, 0, 0, up_mps, 0, 0, 0]) for up_mps in (20.0, 60.0)]
+    times_s = [fall_through(state, table, REAL, np.empty(9)) for state in thrown]
+    assert 2 < times_s[0] < 3 and math.isnan(times_s[1])
+
+
 @pytest.mark.parametrize("air", [GRAVITY_ONLY, REAL], ids=["gravity", "real"])
 def test_a_fall_through_a_moving_tilted_plane_is_on_the_plane_and_the_first_one(air: Air) -> None:
     rng = np.random.default_rng(3)

@@ -114,6 +114,10 @@ def test_what_cannot_be_right_is_refused_with_what_would_be(tmp_path: Path, text
         (PLAIN + "\n".join(table("", T + 5).splitlines()[1:]), "several flights"),
         ("\n".join([LINES[0], *LINES[:0:-1]]), "sorted"),
         (PLAIN.replace("\n", "\n0.001,nan,0,0\n", 1), "1 of 91 rows without a number are left out"),
+        (
+            PLAIN.replace("\n", "\n0.001,nan,0,0\n" + "0.001,,,\n" * 89, 1),
+            "90 of 180 rows without a number are left out",
+        ),
         (table("Timestamp,X,Y,Z", T, PS[:, [1, 0, 2]] * (1, -1, 1)), "turned half round"),
     ],
 )

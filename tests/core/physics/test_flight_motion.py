@@ -1,0 +1,30 @@
+"""How points move: what a ball can fly to, and the units in which it would."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from core.physics.flight_motion import Units, find_units, reachable
+
+pytestmark = pytest.mark.numeric
+
+
+def points_at(*xs_m: float) -> np.ndarray:
+    return np.array([(x, 0.0, 0.3) for x in xs_m])
+
+
+def test_of_three_points_the_one_that_is_far_from_both_others_cannot_be_reached() -> None:
+    assert reachable(np.array([0.0, 0.01, 0.02]), points_at(0.0, 9.0, 0.1)).tolist() == [True, False, True]
+
+
+def test_a_point_may_be_off_by_half_a_metre_and_no_more() -> None:
+    times_s = 1e-5 * np.arange(7)  # in which nothing flies anywhere
+    for off_m, is_reached in ((0.49, True), (0.6, False)):
+        assert reachable(times_s, points_at(0, 0, 0, off_m, 0, 0, 0)).tolist() == [True] * 3 + [is_reached] + [True] * 3
+
+
+def test_a_slow_ball_at_the_top_of_its_flight_tells_its_units() -> None:
+    t_s = np.arange(-15, 16) / 100
+    places_m = np.column_stack([1.2 * t_s, 0 * t_s, 1 - 4.905 * t_s**2])
+    assert find_units(np.column_stack([t_s, places_m]), None, None) == [Units(1.0, 1.0)]
