@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Callable
 
 from core.detection import Detector
+from core.errors import PackageError
+from core.extras import require_package
 
 
 def frame_detector() -> Callable[[], Detector] | None:
     """Makes a detector of pictures; None in a light installation, which follows the event cameras alone."""
-    return _make if importlib.util.find_spec("torch") is not None else None
+    try:
+        require_package("torch", "a detector of pictures")
+    except PackageError:
+        return None
+    return _make
 
 
 def _make() -> Detector:
