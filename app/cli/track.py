@@ -17,10 +17,11 @@ from app.cli.detector_arguments import DetectorArguments
 from app.cli.files import csv_text
 from app.cli.tabulate import RecordingTable, Summary, tabulate
 from app.cli.terminal import say
+from app.shared.frame_detector import frame_detector
 from core.chain import ChainConfig
 from core.chain.calibration_drift import DriftReport
 from core.chain.config import PREDICTIONS, PredictionName, chain_with_constants, with_prediction
-from core.chain.follow import Track, follow_recording, true_positions
+from core.chain.follow import Track, follow_recording, frame_cameras, true_positions
 from core.detection import DetectorConfig
 from core.detection.methods import Method
 from core.jobs import TaskControl
@@ -41,6 +42,7 @@ class TrackArguments:
         choices=PREDICTIONS,
     )
     constants: Path | None = flag(CONSTANTS_OF_BALL, "FILE")
+    events_only: bool = flag("leave out the pictures of calibrated frame cameras, in which yolo looks for the ball")
     out: Path = flag(
         "columns t_us,x_m,y_m,z_m (world) and cameras (of which a point is made, joined by +); of several recordings a "
         "folder with a CSV of each",
@@ -53,7 +55,7 @@ class TrackArguments:
 def run(arguments: TrackArguments) -> None:
     """Track, write, and say what came out."""
     constants = given_constants(arguments.constants, prediction=arguments.prediction)
-    work = TrackRecording(*arguments.detector.settings(), arguments.prediction, constants)
+    work = TrackRecording(*arguments.detector.settings(), arguments.prediction, constants, arguments.events_only)
     tabulate(arguments.recordings, arguments.out, work, arguments.engine, "Tracking", arguments.json, _say)
 
 
@@ -67,14 +69,18 @@ class TrackRecording:
     prediction: PredictionName = "filter"
     constants: FittedConstants | None = None
     """Fitted air and table; None: they are learned."""
+    events_only: bool = False
+    """Whether frame cameras are left out."""
 
     def __call__(self, path: Path, control: TaskControl) -> RecordingTable:
         """Track."""
         config = with_prediction(ChainConfig.of_method(self.method, self.detector), self.prediction)
         config = config if self.constants is None else chain_with_constants(config, self.constants)
         with closing(open_recording(path)) as recording:
-            track = follow_recording(recording, config, self.window_us, progress=control)
-            truth, names = recording.ball, tuple(recording.cameras)
+            make = None if self.events_only else frame_detector()
+            track = follow_recording(recording, config, self.window_us, frame_detector=make, progress=control)
+            truth, frames = recording.ball, () if make is None else tuple(frame_cameras(recording))
+            names = (*recording.cameras, *frames)
         summary: Summary = {
             "method": self.method,
             "window_us": self.window_us,
@@ -83,6 +89,8 @@ class TrackRecording:
             "points": len(track.t_us),
             "points_of_camera": {name: sum(name in used for used in track.cameras) for name in names},
             "points_of_cameras": dict(sorted(Counter(len(used) for used in track.cameras).items(), reverse=True)),
+            "single_pixels_of_camera": {name: track.single.get(name, 0) for name in names},
+            "frame_cameras": list(frames),
             "residual_px": _statistics(track.residuals_px),
             "error_mm": _errors_mm(track, truth),
             "step_ms": _statistics(1e3 * track.step_s),
@@ -109,6 +117,9 @@ def _say(summary: Summary) -> None:
         pair = " and ".join(calibration["worst_pair"])
         moved = f"{calibration['moved_camera']} was moved" if calibration["moved_camera"] else "one of them was moved"
         say(f"the calibration is off by {calibration['drift_px']} px between {pair}: {moved}, calibrate again")
+    frames, single = summary["frame_cameras"], summary["single_pixels_of_camera"]
+    if isinstance(frames, list) and isinstance(single, dict) and frames:
+        say("pictures that moved the flight: " + ", ".join(f"{single[name]} of {name}" for name in frames))
     counts = summary["points_of_cameras"]
     if isinstance(counts, dict) and summary["points"] and max(counts) > 2:
         say("points by number of cameras: " + ", ".join(f"{count} of {cameras}" for cameras, count in counts.items()))

@@ -241,6 +241,15 @@ def encode_png(picture: NDArray[np.uint8], colours: PolarityColours) -> bytes:
     return buffer.getvalue()
 
 
+def encode_over(picture: NDArray[np.uint8], overlay: NDArray[np.uint8], colours: PolarityColours) -> bytes:
+    """The PNG file of an RGB picture (height, width, 3) with palette indices (height, width) over it, 0 being clear."""
+    shown, drawn = picture[:, :, ::-1].copy(), overlay > 0
+    shown[drawn] = palette(colours)[overlay[drawn]][:, ::-1]
+    fine, content = cv2.imencode(".png", shown, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    assert fine
+    return content.tobytes()
+
+
 Rendering = Literal["polarity", "count", "time surface"]
 RENDERINGS: Final[tuple[Rendering, ...]] = get_args(Rendering)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final, Literal, get_args
 
+from app.shared.frame_detector import frame_detector
 from app.shared.live_rally import LiveRally, positions
 from app.shared.workspace import Workspace
 from core.cameras import Camera
@@ -36,6 +37,9 @@ class Rallies:
     prediction: PredictionName = "filter"
     """Prediction that recordings are followed with unless a browser chooses another."""
     _watched_s: float = float("-inf")
+
+    def __post_init__(self) -> None:
+        self.followings.frame_detector = frame_detector()
 
     def set_active(self, watched: bool, wall_s: float) -> None:
         """Call regularly with whether a browser watches the live rally; it pauses while nobody needs it."""

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
-from dataclasses import dataclass
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
-from app.pictures.canvas import Canvas, Rendering, encode_png, event_picture
+import cv2
+import numpy as np
+
+from app.pictures.canvas import Canvas, Rendering, encode_over, encode_png, event_picture
 from app.pictures.palette import PaletteIndex
 from app.state.client_state import RenderSettings
 from app.views.ball_inset import draw_ball_inset
 from app.views.requests import window_before
 from app.views.stage_picture import draw_truth
-from core.events import Window
+from core.chain.follow import frame_cameras
+from core.events import SensorSize, Window
+from core.history.rally_history import RallyHistory, RallyStep
 from core.recordings import Recording
+from core.recordings.frames import FrameStream
 
 WIDTH_PX = 640
 """Pictures are binned to at most this width."""
@@ -21,6 +28,39 @@ MANY_WIDTH_PX = 320
 
 LEAST_RADIUS_PX = 6
 """Smallest circle that is drawn, in pixels of the picture: in a small one the ball itself is hardly seen."""
+
+
+class FrameSighting(NamedTuple):
+    """The newest picture of a frame camera, and what was found in it."""
+
+    number: int
+    circle: tuple[float, float, float] | None
+    """u, v, r, px."""
+    used: bool
+    """Whether it tells where the ball is."""
+
+
+def frame_sightings(history: RallyHistory, frames: Mapping[str, FrameStream], t_us: int) -> dict[str, FrameSighting]:
+    """The newest picture of each frame camera that was over at a time; none before the first."""
+    found: dict[str, FrameSighting] = {}
+    for name, one in frames.items():
+        ends_us = one.ends_us
+        number = int(np.searchsorted(ends_us, t_us, side="right")) - 1
+        if number < 0:
+            continue
+        # The chain has looked at it in the first step that ends after its exposure.
+        step = next(iter(history.steps_between(int(ends_us[number]) - 1, t_us)), None)
+        circle = None if step is None else step.circles.get(name)
+        found[name] = FrameSighting(number, circle, step is not None and name in step.used)
+    return found
+
+
+def with_frames(step: RallyStep, seen: Mapping[str, FrameSighting]) -> RallyStep:
+    """The step with what was found in the newest pictures: each stands for longer than a step, until the next one."""
+    circles = {name: circle for name, circle in step.circles.items() if name not in seen}
+    circles |= {name: one.circle for name, one in seen.items() if one.circle is not None}
+    used = (step.used - seen.keys()) | {name for name, one in seen.items() if one.used}
+    return replace(step, circles=circles, used=used)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,13 +75,15 @@ class CameraPicturesRequest:
     show_truth: bool
     used: frozenset[str] = frozenset()
     """The cameras that the ball's position is made of; empty if it is not known."""
+    frames: tuple[tuple[str, int], ...] = ()
+    """Frame cameras, each with the number of its picture, which stand behind the event cameras."""
 
     @property
     def key(self) -> Hashable:
         """Cache key, equal for the same pictures. The missing end of a live recording may still arrive."""
         there_us = min(self.t_us, self.recording.duration_us)
         circles = tuple(sorted(self.circles.items()))
-        return self.recording, self.t_us, there_us, self.look, circles, self.show_truth, self.used
+        return self.recording, self.t_us, there_us, self.look, circles, self.show_truth, self.used, self.frames
 
     def is_outlier(self, camera: str) -> bool:
         """Whether what a camera found is not where the others see the ball."""
@@ -59,7 +101,7 @@ def _draw_inset(
 def render_camera_pictures(request: CameraPicturesRequest) -> dict[str, bytes]:
     """Draw each camera's picture as PNG, by camera."""
     pngs: dict[str, bytes] = {}
-    width_px = WIDTH_PX if len(request.recording.cameras) < 3 else MANY_WIDTH_PX
+    width_px = WIDTH_PX if len(request.recording.cameras) + len(request.frames) < 3 else MANY_WIDTH_PX
     for name, stream in request.recording.cameras.items():
         window = window_before(stream, request.t_us, request.look.window_us)
         binning = max(1, -(-stream.sensor.width_px // width_px))
@@ -67,11 +109,36 @@ def render_camera_pictures(request: CameraPicturesRequest) -> dict[str, bytes]:
         canvas = Canvas.of_binned(pixels, stream.sensor, binning, across=2)
         if request.show_truth:
             draw_truth(canvas, stream.truth, window.end_us)
-        if name in request.circles:
-            ink = PaletteIndex.HULL_REJECTED if request.is_outlier(name) else PaletteIndex.CIRCLE
-            u_px, v_px, r_px = request.circles[name]
-            canvas.draw_circle(u_px, v_px, max(r_px, LEAST_RADIUS_PX / canvas.scale), ink)
-            if request.look.magnifies_ball:
-                _draw_inset(canvas, window, request.circles[name], ink, request.look.rendering)
+        ink = _draw_circle(canvas, request, name)
+        if ink is not None and request.look.magnifies_ball:
+            _draw_inset(canvas, window, request.circles[name], ink, request.look.rendering)
         pngs[name] = encode_png(canvas.image, request.look.colours)
+    streams = frame_cameras(request.recording) if request.frames else {}
+    for name, number in request.frames:
+        pngs[name] = _frame_png(streams[name], number, request, name, width_px)
     return pngs
+
+
+def _draw_circle(canvas: Canvas, request: CameraPicturesRequest, name: str) -> int | None:
+    """Draw what was found in a camera; returns its palette index, None if nothing was."""
+    if name not in request.circles:
+        return None
+    ink = PaletteIndex.HULL_REJECTED if request.is_outlier(name) else PaletteIndex.CIRCLE
+    u_px, v_px, r_px = request.circles[name]
+    canvas.draw_circle(u_px, v_px, max(r_px, LEAST_RADIUS_PX / canvas.scale), ink)
+    return ink
+
+
+def _frame_png(stream: FrameStream, number: int, request: CameraPicturesRequest, name: str, width_px: int) -> bytes:
+    """A picture in its own colours, with its circle."""
+    image = stream.image(number)
+    height, width = image.shape[:2]
+    binning = max(1, -(-width // width_px))
+    blank = np.full((-(-height // binning), -(-width // binning)), PaletteIndex.BACKGROUND, np.uint8)
+    canvas = Canvas.of_binned(blank, SensorSize(width, height), binning)
+    _draw_circle(canvas, request, name)
+    rgb = image if image.ndim == 3 else np.repeat(image[:, :, None], 3, axis=2)
+    size = canvas.image.shape[1], canvas.image.shape[0]
+    return encode_over(
+        np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), np.uint8), canvas.image, request.look.colours
+    )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -191,17 +191,41 @@ class ChainState:
     pixels: AlignedPixels | None = None
     """What the cameras saw at their common time, also where the rays missed each other; None where it was no ball by
     its size."""
+    single: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Pixels of cameras that saw the ball at no other camera's time and moved the flight in this step, by camera."""
+
+    @property
+    def used(self) -> frozenset[str]:
+        """The cameras that tell where the ball is: those of the point, and those that moved the flight."""
+        placed = () if self.point is None else self.point.uvs_px
+        return frozenset((*placed, *self.single))
 
 
 class RallyChain:
     """Follows one ball with two or more calibrated cameras."""
 
-    def __init__(self, cameras: Mapping[str, Camera], config: ChainConfig | None = None) -> None:
-        """Raises CalibrationError if the cameras cannot see depth."""
+    def __init__(
+        self,
+        cameras: Mapping[str, Camera],
+        config: ChainConfig | None = None,
+        frame_detectors: Mapping[str, Detector] | None = None,
+    ) -> None:
+        """A chain that expects a new ball.
+
+        Args:
+            cameras: by name, event cameras and frame cameras.
+            config: of all stages.
+            frame_detectors: of the frame cameras, whose windows have pictures. Their answers are at times of their
+                own: those of three cameras or more move the flight.
+
+        Raises:
+            CalibrationError: if the cameras cannot see depth.
+        """
         self.config = config or ChainConfig()
+        of_frames = frame_detectors or {}
         self.rig = StereoRig(cameras, self.config.triangulation)
         self._detectors: dict[str, Detector] = {
-            name: make_detector(self.config.method, camera.sensor, self.config.detector)
+            name: of_frames.get(name) or make_detector(self.config.method, camera.sensor, self.config.detector)
             for name, camera in cameras.items()
         }
         self._common_time = TimeAligner(self.rig.names, round(1000 * self.config.max_lag_ms))
@@ -270,6 +294,8 @@ class RallyChain:
         triangulated = time.perf_counter()
         lone = self._common_time.take_lone()
         if self._single is not None:
+            pictures = {name: window for name, window in windows.items() if window.frame is not None}
+            self._single.exposures_us |= {name: one.end_us - one.start_us for name, one in pictures.items()}
             alone = self._single.follow(lone)
             # A point of two cameras counts before that of one, whose depth comes from the flight alone.
             point = point or alone
@@ -286,6 +312,7 @@ class RallyChain:
             bounces_us=self._predictor.bounces_us,
             seconds=seconds,
             pixels=pixels,
+            single={} if self._single is None else self._single.used,
         )
 
     def _triangulate(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,9 +13,13 @@ from core.cameras import Camera
 from core.chain.calibration_drift import CalibrationDrift, DriftReport
 from core.chain.chain import RallyChain
 from core.chain.config import ChainConfig
+from core.detection import Detector
 from core.detection.window import windows_side_by_side
 from core.errors import CalibrationError
-from core.recordings import BallTruth, Recording
+from core.events import Window
+from core.recordings import BallTruth, CameraStream, Recording
+from core.recordings.frames import FrameStream, window_of
+from core.recordings.reader import FileRecording
 
 Array = NDArray[np.float64]
 REPORT_EVERY = 64
@@ -34,11 +39,13 @@ class Track:
     """(N,)."""
     windows: int
     seen_by_all: int
-    """Windows in which every camera found a ball."""
+    """Windows in which every camera found a ball; a frame camera counts in those in which its exposure ended."""
     step_s: Array
     """(windows,) wall time of the chain's steps."""
     cameras: tuple[tuple[str, ...], ...] = ()
     """For each point, the cameras that it is made of."""
+    single: dict[str, int] = field(default_factory=dict)
+    """How often a camera saw the ball at no other camera's time and moved the flight, by camera."""
     drift: DriftReport = field(default_factory=DriftReport)
     """Whether the calibration fits these points."""
 
@@ -58,12 +65,54 @@ def calibrated_cameras(recording: Recording) -> dict[str, Camera]:
     return cameras
 
 
+def frame_cameras(recording: Recording) -> dict[str, FrameStream]:
+    """The calibrated cameras of a recording that have pictures and no events."""
+    if not isinstance(recording, FileRecording):
+        return {}
+    events = recording.cameras
+    known = {name: one for name, one in recording.frames.items() if len(one) and one.calibration is not None}
+    return {name: one for name, one in known.items() if name not in events}
+
+
+def calibrated_rig(recording: Recording) -> dict[str, Camera]:
+    """All cameras of a recording that can be triangulated, the event cameras first.
+
+    Raises:
+        CalibrationError: if an event camera has no calibration.
+    """
+    frames = {name: one.calibration for name, one in frame_cameras(recording).items() if one.calibration is not None}
+    return calibrated_cameras(recording) | frames
+
+
+def windows_with_frames(
+    streams: Mapping[str, CameraStream], frames: Mapping[str, FrameStream], end_us: int, window_us: int
+) -> Iterator[dict[str, Window]]:
+    """Windows of event cameras side by side, with the newest picture of each frame camera whose exposure ended there.
+
+    So a chain gets a picture when a camera could have sent it, not when its exposure began.
+
+    Args:
+        streams: event cameras, by name.
+        frames: frame cameras, by name.
+        end_us: no window ends later.
+        window_us: length of each.
+    """
+    ends_us = {name: one.ends_us for name, one in frames.items()}
+    for number, windows in enumerate(windows_side_by_side(streams, 0, end_us, window_us)):
+        for name, one in frames.items():
+            before, after = np.searchsorted(ends_us[name], (number * window_us, (number + 1) * window_us), side="right")
+            if after > before:
+                windows[name] = window_of(one.frame(int(after) - 1))
+        yield windows
+
+
 def follow_recording(
     recording: Recording,
     config: ChainConfig,
     window_us: int,
     *,
     only: Collection[str] | None = None,
+    frame_detector: Callable[[], Detector] | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Track:
     """The track of the ball through a recording, all cameras window by window, or `only` some.
@@ -73,26 +122,31 @@ def follow_recording(
         config: detector, gate, prediction and control.
         window_us: length of a window.
         only: names of the cameras that are used; None: all.
+        frame_detector: makes the detector of each calibrated frame camera; None: those are left out.
         progress: gets the share of the recording that is done.
 
     Raises:
         CalibrationError: if there are fewer than two cameras, or one has no calibration.
     """
-    cameras = calibrated_cameras(recording)
+    cameras = calibrated_cameras(recording) if frame_detector is None else calibrated_rig(recording)
     chosen = {name: camera for name, camera in cameras.items() if only is None or name in only}
-    chain, drift = RallyChain(chosen, config), CalibrationDrift(chosen)
-    streams = {name: recording.cameras[name] for name in chosen}
-    side_by_side = windows_side_by_side(streams, 0, recording.duration_us, window_us)
+    streams = {name: stream for name, stream in recording.cameras.items() if name in chosen}
+    frames = {name: one for name, one in frame_cameras(recording).items() if name in chosen}
+    of_frames = {} if frame_detector is None else {name: frame_detector() for name in frames}
+    chain, drift = RallyChain(chosen, config, of_frames), CalibrationDrift(chosen)
+    side_by_side = windows_with_frames(streams, frames, recording.duration_us, window_us)
     times: list[int] = []
     rows: list[tuple[float, float, float, float]] = []
     used: list[tuple[str, ...]] = []
     seconds: list[float] = []
     seen_by_all = 0
+    single: Counter[str] = Counter()
     for number, windows in enumerate(side_by_side):
         state = chain.step(windows)
         chain.distrust(*drift.add(state).distrusted)
         seconds.append(state.seconds.total)
         seen_by_all += all(found is not None for found in state.detections.values())
+        single.update(state.single.keys())
         if state.point is not None:
             x, y, z = state.point.p_world_m.tolist()
             times.append(state.point.t_us)
@@ -109,6 +163,7 @@ def follow_recording(
         seen_by_all=seen_by_all,
         step_s=np.array(seconds),
         cameras=tuple(used),
+        single=dict(single),
         drift=drift.report,
     )
 

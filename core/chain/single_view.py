@@ -52,11 +52,15 @@ class SingleView:
         self._max_late_us = round(1000 * config.max_lag_ms)
         self.distrusted: tuple[str | None, float] = (None, 0.0)
         """See `RallyChain.distrust`."""
+        self.exposures_us: dict[str, int] = {}
+        """Length of the newest picture of each frame camera: its answer, of mid exposure, is known so much later."""
         self.reset()
 
     def reset(self) -> None:
         """Expect a new flight, which several cameras have to begin."""
         self._several_us: int | None = None
+        self.used: dict[str, tuple[float, float]] = {}
+        """Pixels by camera that moved the estimate at the last `follow`, each of a time of its own."""
 
     def note_several(self, t_us: int) -> None:
         """Take note of a point of several cameras."""
@@ -68,10 +72,12 @@ class SingleView:
         None if none fits, or the place is not known well enough.
         """
         newest: tuple[str, Detection] | None = None
+        self.used = {}
         for name, found in lone:
             late = found.t_us <= self.predictor.newest_us
-            if self._take(name, found) and not late:
-                newest = name, found
+            if self._take(name, found):
+                self.used[name] = found.u_px, found.v_px
+                newest = newest if late else (name, found)
         position = self.predictor.position()
         if newest is None or position is None:
             return None
@@ -114,4 +120,5 @@ class SingleView:
             self._rig.camera_arrays(name),
             self._config.gate_sigmas**2,
         )
-        return self.predictor.add_pixel(found.t_us, seen, max_late_us=self._max_late_us)
+        max_late_us = self._max_late_us + self.exposures_us.get(name, 0)
+        return self.predictor.add_pixel(found.t_us, seen, max_late_us=max_late_us)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -15,8 +16,8 @@ from core.chain.chain import RallyChain
 from core.chain.config import ChainConfig, PredictionName, with_prediction
 from core.chain.control.controller import BuiltInController
 from core.chain.control.player import Player
-from core.chain.follow import calibrated_cameras
-from core.detection.window import windows_side_by_side
+from core.chain.follow import calibrated_cameras, calibrated_rig, frame_cameras, windows_with_frames
+from core.detection import Detector
 from core.history.played_bodies import PlayedBodies, recorded_bodies
 from core.history.rally_history import Outcome, RallyHistory
 from core.history.rally_picture import LandingSpot
@@ -86,11 +87,19 @@ class Following:
     knows no outcomes, strokes are judged by what is seen.
     """
 
-    def __init__(self, recording: Recording, config: ChainConfig | None = None) -> None:
-        """Begin; `config` is that of the chain, by default the usual one."""
-        self._config = config or ChainConfig()
+    def __init__(
+        self,
+        recording: Recording,
+        config: ChainConfig | None = None,
+        frame_detector: Callable[[], Detector] | None = None,
+    ) -> None:
+        """Begin; `config` is that of the chain, by default the usual one.
+
+        `frame_detector` makes the detector of each calibrated frame camera; without one those are left out.
+        """
+        self._config, self._frame_detector = config or ChainConfig(), frame_detector
         self.history = RallyHistory()
-        self.cameras: dict[str, Camera] = calibrated_cameras(recording)
+        self.cameras: dict[str, Camera] = (calibrated_cameras if frame_detector is None else calibrated_rig)(recording)
         self.drift = CalibrationDrift(self.cameras)
         """Whether the cameras fit each other."""
         self.bodies = PlayedBodies()
@@ -123,10 +132,13 @@ class Following:
             logger.exception("the chain failed on a recording")
 
     def _follow(self) -> None:
-        player = Player(RallyChain(self.cameras, self._config), BuiltInController())
+        frames, make = frame_cameras(self._recording), self._frame_detector
+        frames = {name: one for name, one in frames.items() if name in self.cameras}
+        detectors = {} if make is None else {name: make() for name in frames}
+        player = Player(RallyChain(self.cameras, self._config, detectors), BuiltInController())
         judge = None if self.history.outcome_count else OutcomeClassifier()
         duration_us = self._recording.duration_us
-        for windows in windows_side_by_side(self._recording.cameras, 0, duration_us, WINDOW_US):
+        for windows in windows_with_frames(self._recording.cameras, frames, duration_us, WINDOW_US):
             if self._stop.is_set():
                 return
             state = player.step(windows)
@@ -144,6 +156,8 @@ class Followings:
     def __init__(self) -> None:
         self.chain = ChainConfig()
         """Chain that those begun from now on use; their prediction is chosen for each."""
+        self.frame_detector: Callable[[], Detector] | None = None
+        """Makes the detector of a frame camera; None: frame cameras are left out."""
         self._lock = threading.Lock()
         self._found: dict[tuple[str, PredictionName], Following] = {}
 
@@ -155,7 +169,9 @@ class Followings:
             key = (recording.uuid, prediction)
             found = self._found.get(key)
             if found is None:
-                found = self._found[key] = Following(recording, with_prediction(self.chain, prediction))
+                found = self._found[key] = Following(
+                    recording, with_prediction(self.chain, prediction), self.frame_detector
+                )
             return found
 
     def close(self) -> None:

@@ -76,6 +76,8 @@ class RallyStep:
     sent: RacketDecision | None
     seconds: float
     """Wall time of the step."""
+    used: frozenset[str] = frozenset()
+    """The cameras that tell where the ball is, at the time of its point or at one of their own."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -193,7 +195,7 @@ class RallyHistory:
             if chain.is_new and chain.prediction is not None:
                 self._expect(state, chain.prediction)
             shown = self._before, self._after
-            step = RallyStep(chain.t_us, chain.point, circles, *shown, state.decision, chain.seconds.total)
+            step = RallyStep(chain.t_us, chain.point, circles, *shown, state.decision, chain.seconds.total, chain.used)
             self._steps.add(chain.t_us, step)
             if chain.point is not None:
                 if chain.verdict == "new flight":

@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from core.cameras import Camera
 from core.errors import RecordingError
 from core.events import CameraFrame, Events, SensorSize, Window
 from core.recordings.hdf5 import dataset_at, hdf5_errors, place_of, read_only, read_whole
@@ -20,17 +21,19 @@ LARGEST_US: Final = 2 * 24 * 3600 * 1_000_000
 class FrameStream:
     """Frames by number, read one at a time."""
 
-    def __init__(self, group: h5py.Group) -> None:
-        """The frames of `/cameras/<name>/frames`.
+    def __init__(self, group: h5py.Group, calibration: Camera | None = None) -> None:
+        """The frames of `/cameras/<name>/frames`, with the camera's lens and pose where they are known.
 
         Raises:
             RecordingError: if they are not pictures with times.
         """
         self._images = dataset_at(group, "image")
         self._where = place_of(group)
+        self.calibration = calibration
         self.t_us = self._times(group, "t_us")
-        """Mid exposure."""
+        """(N,) mid exposure."""
         self.exposure_us = self._times(group, "exposure_us")
+        """(N,) length."""
         shape, count = self._images.shape, len(self.t_us)
         if self._images.dtype != np.uint8 or not (len(shape) == 3 or (len(shape) == 4 and shape[3] == 3)):
             got = f"{self._images.dtype}{shape}"
@@ -52,6 +55,12 @@ class FrameStream:
 
     def __len__(self) -> int:
         return len(self.t_us)
+
+    @property
+    def ends_us(self) -> NDArray[np.int64]:
+        """(N,) end of each exposure, as the end of its window: ascending, so that it can be searched."""
+        ends_us = self.t_us - self.exposure_us // 2 + np.maximum(1, self.exposure_us)
+        return np.maximum.accumulate(ends_us)  # exposures that change could overlap
 
     def image(self, number: int) -> NDArray[np.uint8]:
         """(height, width) or (height, width, 3 = RGB).

@@ -192,14 +192,16 @@ def _plan(order: ImportOrder) -> _Plan:
     if calibration or order.frames is not None:
         _refuse_assumed_sizes(feeds)
     own, odd = _own_calibration(feeds, calibration)
-    given = _match_calibration(calibration, list(sensors))
-    unmatched = _unmatched(calibration, own | given, list(sensors))
-    remarks = [*order.remarks, *odd, *unmatched, *_exchanged(order.sources, feeds)]
-    for name, pictures in (pair for feed in feeds for pair in feed.pictures):
-        sensors.setdefault(name, pictures.sensor)
+    of_frames = {name: pictures.sensor for feed in feeds for name, pictures in feed.pictures if name not in sensors}
     if order.frames is not None:
-        sensors[FRAME_CAMERA] = first_image_size(order.frames.images)
-    return _Plan(order, feeds, zero_us, sensors, own | given, frozenset(given), remarks)
+        of_frames[FRAME_CAMERA] = first_image_size(order.frames.images)
+    calibrated_frames = {name: camera for name, camera in calibration.items() if name in of_frames.keys() - sensors}
+    of_events = {name: camera for name, camera in calibration.items() if name not in calibrated_frames}
+    given = _match_calibration(of_events, list(sensors))
+    unmatched = _unmatched(of_events, own | given, list(sensors))
+    remarks = [*order.remarks, *odd, *unmatched, *_exchanged(order.sources, feeds)]
+    known = own | given | calibrated_frames
+    return _Plan(order, feeds, zero_us, sensors | of_frames, known, frozenset(given), remarks)
 
 
 def _write(

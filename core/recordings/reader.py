@@ -12,7 +12,9 @@ from typing import Final, Self
 import h5py
 import numpy as np
 
+from core.cameras import Camera
 from core.errors import RallyscopeError, RecordingError
+from core.events import SensorSize
 from core.recordings import layout
 from core.recordings.file_camera import FileCamera
 from core.recordings.frames import FrameStream
@@ -203,8 +205,20 @@ class FileRecording:
         for name in names_in(group):
             if has_item(group, f"{name}/frames"):
                 with self._damage.left_out(f"the pictures of camera {name}"):
-                    found[name] = FrameStream(group_at(group, f"{name}/frames"))
+                    found[name] = FrameStream(group_at(group, f"{name}/frames"), self._calibration_of(name))
         return found
+
+    def _calibration_of(self, name: str) -> Camera | None:
+        """The lens and pose of a frame camera, which has its own where its events are not read."""
+        if name in self._cameras:
+            return self._cameras[name].calibration
+        group = group_at(self._file, f"cameras/{name}")
+        if not has_item(group, "calibration"):
+            return None
+        with self._damage.left_out(f"the calibration of camera {name}"):
+            sensor = SensorSize(*(whole_number(group, side, 1, 65536) for side in ("width", "height")))
+            return layout.read_calibration(group_at(group, "calibration"), sensor)
+        return None
 
     def check_open(self) -> None:
         if not self._file.id.valid:

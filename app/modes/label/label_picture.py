@@ -7,11 +7,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from app.pictures.canvas import TARGET_WIDTH_PX, Canvas, Region, Rendering, encode_png, event_picture
+from app.pictures.canvas import TARGET_WIDTH_PX, Canvas, Region, Rendering, encode_over, encode_png, event_picture
 from app.pictures.palette import PaletteIndex, PolarityColours, palette
 from app.views.mosaic import SheetText, css_colour
 from core.events import Events, SensorSize, Window
@@ -229,11 +228,7 @@ def _encode_frame(frame: NDArray[np.uint8], overlay: NDArray[np.uint8], key: Pic
         crop[y0 - region.y : y1 - region.y, x0 - region.x : x1 - region.x] = rgb[y0:y1, x0:x1]
     scale = overlay.shape[0] // region.height
     shown = crop.repeat(scale, axis=0).repeat(scale, axis=1)
-    drawn = overlay > 0
-    shown[drawn] = palette(key.colours)[overlay[drawn]]
-    fine, content = cv2.imencode(".png", shown[:, :, ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 1])
-    assert fine
-    return content.tobytes()
+    return encode_over(shown, overlay, key.colours)
 
 
 WIDTH_PX: Final = 1280

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -25,14 +28,16 @@ from app.scene.world import LAYERS
 from app.shared.live_rally import LiveRally, positions
 from app.shared.rallies import WatchedRally
 from app.state.client_state import ClientState
-from app.views.camera_pictures import CameraPicturesRequest
+from app.views.camera_pictures import CameraPicturesRequest, FrameSighting, frame_sightings, with_frames
 from app.views.freshness import AnswerFreshness, Staleness
 from core.chain.config import PREDICTIONS, PredictionName
+from core.chain.follow import frame_cameras
 from core.errors import CommandError
 from core.history.lead_time import LeadTimeErrors, LeadTimesRequest, compute_lead_times
 from core.history.rally_history import RallyMoment
 from core.physics import TaskConfig
 from core.recordings import Recording
+from core.recordings.frames import FrameStream
 
 DRAW_EVERY_S = 1 / 120
 """Shorter than the loop's period, so that every change is drawn."""
@@ -62,6 +67,8 @@ class WatchMode:
         self._prediction: PredictionName = host.services.rallies.prediction
         """Prediction with which the shown recording is followed."""
         self._positions: dict[str, NDArray[np.float64]] = {}
+        self._frames: dict[str, FrameStream] = {}
+        """Pictures of the frame cameras that are followed."""
         self._active = False
         gui = host.client.gui
         self._folder = gui.add_folder(None, visible=False)
@@ -136,6 +143,8 @@ class WatchMode:
             self._add_controls(self._live)
         if self._rally is not None:
             self._positions = positions(self._rally.cameras)
+            frames = frame_cameras(recording)
+            self._frames = {name: one for name, one in frames.items() if name in self._rally.cameras}
             self._host.world.use_cameras(self._rally.cameras)
 
     def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
@@ -172,6 +181,9 @@ class WatchMode:
         if key == self._drawn and not status_is_due:
             return
         moment = history.at(now_us, self._positions)
+        of_frames = frame_sightings(history, self._frames, now_us)
+        if moment.step is not None:
+            moment = replace(moment, step=with_frames(moment.step, of_frames))
         if status_is_due:
             self._status_s = wall_s
             self._show_status(moment)
@@ -181,7 +193,7 @@ class WatchMode:
         self._host.world.layers = frozenset(LAYERS) - state.watch.hidden
         if self.middle == "world":
             self._host.world.draw(self._rally.picture_of(moment))
-        self._request_pictures(state, moment, wall_s)
+        self._request_pictures(state, moment, of_frames, wall_s)
 
     def _chosen_prediction(self, state: ClientState | None) -> PredictionName:
         chosen = None if state is None else state.watch.prediction
@@ -234,7 +246,9 @@ class WatchMode:
         self._pictures.close()
         self._lead_times.close()
 
-    def _request_pictures(self, state: ClientState, moment: RallyMoment, wall_s: float) -> None:
+    def _request_pictures(
+        self, state: ClientState, moment: RallyMoment, of_frames: Mapping[str, FrameSighting], wall_s: float
+    ) -> None:
         recording = self._host.recording
         every_s = THROTTLED_S if self._host.is_throttled else PICTURES_EVERY_S
         if recording is None or (state.playhead.playing and wall_s - self._pictures_s < every_s):
@@ -243,9 +257,10 @@ class WatchMode:
         shown_us = min(state.look.window_us, OLDEST_US)  # a circle belongs to the events that are drawn
         step = None if moment.step is None or moment.step.t_us < moment.t_us - shown_us else moment.step
         circles = {} if step is None else step.circles
-        used = frozenset() if step is None or step.point is None else frozenset(step.point.uvs_px)
+        used = frozenset() if step is None else step.used
         with_truth = "True ball" not in state.watch.hidden
-        request = CameraPicturesRequest(recording, moment.t_us, state.look, circles, with_truth, used)
+        numbers = tuple((name, one.number) for name, one in of_frames.items())
+        request = CameraPicturesRequest(recording, moment.t_us, state.look, circles, with_truth, used, numbers)
         self._freshness.ask(request, wall_s)
         self._pictures.submit(request)
 
@@ -294,7 +309,7 @@ class WatchMode:
             outcomes=outcomes,
             returned=self._live is None,
             drift=self._rally.drift,
-            cameras=() if self._host.recording is None else tuple(self._host.recording.cameras),
+            cameras=tuple(self._rally.cameras),
         )
         self._cameras.show_figures(status_html, figures)
 

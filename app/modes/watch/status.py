@@ -198,10 +198,10 @@ def _residual(step: RallyStep | None) -> str:
 
 
 def _used(step: RallyStep | None, cameras: Collection[str]) -> str:
-    """How many cameras the point is made of, and what each of the others found."""
+    """How many cameras tell where the ball is, and what each of the others found."""
     if step is None or step.point is None:
         return "-"
-    others = [name for name in cameras if name not in step.point.uvs_px]
+    others = [name for name in cameras if name not in step.used]
     words = [f"{html_text(name)}: {'something else' if name in step.circles else 'no ball'}" for name in others]
     count = f"{len(cameras) - len(others)} of {len(cameras)} cameras"
     return "; ".join([count, *map(muted, words)])

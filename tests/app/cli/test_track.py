@@ -8,8 +8,10 @@ import pytest
 
 from app.cli import main
 from core.cameras import stereo_preset
+from core.cameras.presets import camera_preset
 from core.config import replace_setting, save_config
 from core.detection import auto_config
+from core.events import Events
 from core.recordings import RecordingWriter
 
 pytestmark = pytest.mark.numeric
@@ -112,3 +114,23 @@ def test_cameras_that_cannot_see_depth_are_refused(tmp_path, capsys) -> None:
 def test_a_folder_that_is_not_there_is_noticed_before_the_work(serve_recording, tmp_path, capsys) -> None:
     assert main(["track", str(serve_recording), "--out", str(tmp_path / "nowhere" / "track.csv")]) == 2
     assert "nowhere" in capsys.readouterr().err
+
+
+def test_calibrated_frame_cameras_are_used_too_unless_that_is_not_wanted(tmp_path, capsys) -> None:
+    rig = {name: camera for name, camera in camera_preset("corners").items() if name != "far_right"}
+    sizes = {name: camera.sensor for name, camera in rig.items()}
+    with RecordingWriter(tmp_path / "rig.h5", sizes, calibration=rig) as writer:
+        for name in ("near_left", "near_right"):
+            writer.append(name, Events.from_columns([1000], [3], [2], [True], sizes[name]))
+        writer.write_frames("far_left", np.array([5_000]), np.array([4_000]), np.zeros((1, 72, 128, 3), np.uint8))
+        writer.extend_duration(20_000)
+    words = ["track", str(tmp_path / "rig.h5"), "--out", str(tmp_path / "track.csv")]
+    summaries = []
+    for more in ([], ["--events-only"]):
+        assert main([*words, *more, "--json"]) == 0
+        summaries.append(json.loads(capsys.readouterr().out))
+    assert [one["frame_cameras"] for one in summaries] == [["far_left"], []]
+    assert summaries[0]["single_pixels_of_camera"] == {"near_left": 0, "near_right": 0, "far_left": 0}
+    assert summaries[1]["points_of_camera"] == {"near_left": 0, "near_right": 0}
+    assert main(words) == 0
+    assert "pictures that moved the flight: 0 of far_left" in capsys.readouterr().out

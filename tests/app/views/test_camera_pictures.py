@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,10 +11,17 @@ from PIL import Image
 from app.modes.watch.cameras_panel import sighting_of
 from app.pictures.palette import PaletteIndex
 from app.state.client_state import RenderSettings
-from app.views.camera_pictures import CameraPicturesRequest, render_camera_pictures
-from core.events import SensorSize
+from app.views.camera_pictures import CameraPicturesRequest, frame_sightings, render_camera_pictures, with_frames
+from core.cameras.presets import camera_preset
+from core.chain.chain import ChainState, StageSeconds
+from core.chain.control.player import PlayerState
+from core.detection import Detection
+from core.events import Events, SensorSize
+from core.history.rally_history import RallyHistory
 from core.recordings import RecordingWriter, open_recording
+from core.recordings.reader import FileRecording
 
+CAMERAS = camera_preset("corners")
 SIZE = SensorSize(1280, 720)
 NAMES = ("a", "b", "c", "d")
 
@@ -37,3 +45,72 @@ def test_what_is_not_the_ball_of_the_others_is_ringed_in_another_colour(request_
     assert all(PaletteIndex.CIRCLE in inks[name] for name in "ab") and PaletteIndex.CIRCLE not in inks["c"]
     assert PaletteIndex.HULL_REJECTED in inks["c"] and inks["d"] == {PaletteIndex.BACKGROUND}
     assert all(Image.open(io.BytesIO(png)).width == 320 for png in pngs.values()), "many are small"
+
+
+@pytest.fixture
+def rig_with_frames(tmp_path) -> Iterator[FileRecording]:
+    """Two event cameras, and three grey pictures of another, whose exposures end at 7, 27 and 47 ms."""
+    calibration = {name: CAMERAS[name] for name in ("near_left", "near_right", "far_left")}
+    sizes = {name: camera.sensor for name, camera in calibration.items()}
+    with RecordingWriter(tmp_path / "frames.h5", sizes, calibration=calibration) as writer:
+        for name in ("near_left", "near_right"):
+            writer.append(name, Events.from_columns([1000], [3], [2], [True], SIZE))
+        images = np.full((3, 720, 1280), 120, np.uint8)
+        writer.write_frames("far_left", np.array([5_000, 25_000, 45_000]), np.full(3, 4_000), images)
+        writer.extend_duration(60_000)
+    with open_recording(tmp_path / "frames.h5") as recording:
+        assert isinstance(recording, FileRecording)
+        yield recording
+
+
+def history_of(circles_at: dict[int, tuple[float, float, float]], used_at: set[int]) -> RallyHistory:
+    """Steps of 2 ms; in those at some times the frame camera found something, and it moved the flight."""
+    history = RallyHistory()
+    for t_us in range(2_000, 60_000, 2_000):
+        found = circles_at.get(t_us)
+        chain = ChainState(
+            t_us=t_us,
+            detections={} if found is None else {"far_left": Detection(t_us, *found)},
+            point=None,
+            verdict=None,
+            prediction=None,
+            is_new=False,
+            bounces_us=(),
+            seconds=StageSeconds(0.0, 0.0, 0.0),
+            single={"far_left": (1.0, 1.0)} if t_us in used_at else {},
+        )
+        history.add_step(PlayerState(chain, None, False, 0.0))
+    return history
+
+
+def test_what_was_found_in_a_picture_belongs_to_it_until_the_next_one(rig_with_frames) -> None:
+    circle, other = (600.0, 300.0, 8.0), (200.0, 100.0, 8.0)
+    history, frames = history_of({8_000: circle, 28_000: other}, {8_000}), rig_with_frames.frames
+    seen = {t_us: frame_sightings(history, frames, t_us) for t_us in (6_999, 7_500, 8_000, 26_999, 28_000, 50_000)}
+    assert seen[6_999] == {}, "the exposure of the first picture is not over"
+    assert seen[7_500]["far_left"] == (0, None, False), "the chain has not looked at it"
+    assert seen[8_000]["far_left"] == seen[26_999]["far_left"] == (0, circle, True)
+    assert seen[28_000]["far_left"] == (1, other, False)
+    assert seen[50_000]["far_left"] == (2, None, False)
+
+
+def test_a_step_is_shown_with_what_the_newest_pictures_say(rig_with_frames) -> None:
+    circle = (600.0, 300.0, 8.0)
+    history = history_of({8_000: circle}, {8_000})
+    step = history.at(20_000, {}).step
+    assert step is not None and step.circles == {} and step.used == frozenset()
+    shown = with_frames(step, frame_sightings(history, rig_with_frames.frames, 20_000))
+    assert shown.circles == {"far_left": circle} and shown.used == {"far_left"}
+
+
+def test_a_picture_stands_behind_the_event_cameras_in_its_own_colours_with_its_circle(rig_with_frames) -> None:
+    circles, used = {"far_left": (600.0, 300.0, 8.0)}, frozenset({"far_left"})
+    request = CameraPicturesRequest(rig_with_frames, 20_000, RenderSettings(), circles, False, used, (("far_left", 1),))
+    pngs = render_camera_pictures(request)
+    assert list(pngs) == ["near_left", "near_right", "far_left"]
+    pixels = np.asarray(Image.open(io.BytesIO(pngs["far_left"])).convert("RGB"))
+    assert pixels.shape == (180, 320, 3) and (pixels[0, 0] == 120).all()
+    coloured = np.argwhere((pixels != 120).any(axis=2))
+    assert len(coloured) and np.abs(coloured.mean(axis=0) - (75, 150)).max() < 2, "a ring round the ball"
+    assert request.key != replace(request, frames=(("far_left", 2),)).key
+    assert sighting_of(request, "far_left") == "used"

@@ -1,13 +1,16 @@
-"""When it was seen what came of a recorded ball: rows of episodes do not say, the true ball does."""
+"""When it was seen what came of a recorded ball: rows of episodes do not say, the true ball does. And frame cameras."""
 
 import numpy as np
 import pytest
 
-from core.history.following import add_known
+from core.cameras.presets import camera_preset
+from core.detection import Detection
+from core.events import Events, Window
+from core.history.following import Following, Followings, add_known
 from core.history.rally_history import RallyHistory
 from core.history.recorded_rally import EPISODES
 from core.physics.episode import Case
-from core.recordings import BallTruth
+from core.recordings import BallTruth, RecordingWriter, open_recording
 
 SERVES_US = (50_000, 1_050_000)
 
@@ -45,3 +48,38 @@ def test_without_a_true_ball_it_is_known_at_the_serve(truth) -> None:
     history = RallyHistory()
     add_known(history, truth, Rows())
     assert len(history.at(SERVES_US[0], {}).picture.spots) == 1
+
+
+def test_frame_cameras_are_followed_where_there_is_a_detector_for_them(tmp_path) -> None:
+    rig = {name: camera for name, camera in camera_preset("corners").items() if name != "far_right"}
+    with RecordingWriter(
+        tmp_path / "a.h5", {name: camera.sensor for name, camera in rig.items()}, calibration=rig
+    ) as writer:
+        for name in ("near_left", "near_right"):
+            writer.append(name, Events.from_columns([1000], [3], [2], [True], rig[name].sensor))
+        writer.write_frames("far_left", np.array([5_000]), np.array([4_000]), np.zeros((1, 9, 16), np.uint8))
+        writer.extend_duration(20_000)
+    with open_recording(tmp_path / "a.h5") as recording:
+        followings = Followings()
+        without = followings.of(recording)
+        assert without is not None and list(without.cameras) == ["near_left", "near_right"]
+        without.wait()
+        detector = PictureDetector()
+        following = Following(recording, frame_detector=lambda: detector)
+        following.wait()
+        assert list(following.cameras) == ["near_left", "near_right", "far_left"] and following.share == 1.0
+        step = following.history.at(20_000, {}).step
+        assert step is not None and step.circles == {}, "it was found in the step of its picture"
+        assert [one.t_us for one in following.history.steps_between(0, 20_000) if one.circles] == [8_000]
+        followings.close()
+
+
+class PictureDetector:
+    """A ball in every picture."""
+
+    extra_circles = 0
+
+    def reset(self) -> None: ...
+
+    def step(self, window: Window) -> Detection | None:
+        return None if window.frame is None else Detection(window.frame.t_us, 8.0, 4.0, 2.0)

@@ -26,7 +26,13 @@ def add_steps(history: RallyHistory, blind: dict[str, tuple[int, int]], end_us: 
         detections = {name: None if name in hidden else found for name in ("left", "right")}
         seconds = SimpleNamespace(total=0.0)
         chain = SimpleNamespace(
-            t_us=t_us, detections=detections, is_new=False, prediction=None, point=None, seconds=seconds
+            t_us=t_us,
+            detections=detections,
+            used=frozenset(),
+            is_new=False,
+            prediction=None,
+            point=None,
+            seconds=seconds,
         )
         history.add_step(SimpleNamespace(chain=chain, decision=None))
 

@@ -87,7 +87,13 @@ def test_a_ball_that_is_suddenly_elsewhere_begins_a_trail_of_its_own() -> None:
     def see(t_us: int, x_m: float, verdict: str) -> None:
         point = SimpleNamespace(t_us=t_us, p_world_m=np.array([x_m, 0.0, 0.3]), uvs_px={})
         chain = SimpleNamespace(
-            t_us=t_us, detections={}, is_new=False, point=point, verdict=verdict, seconds=SimpleNamespace(total=0.0)
+            t_us=t_us,
+            detections={},
+            used=frozenset(),
+            is_new=False,
+            point=point,
+            verdict=verdict,
+            seconds=SimpleNamespace(total=0.0),
         )
         history.add_step(SimpleNamespace(chain=chain, decision=None))
 

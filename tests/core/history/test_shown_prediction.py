@@ -51,6 +51,7 @@ def moment_of(prediction: Prediction, decision: RacketDecision | None, choice: H
     chain = SimpleNamespace(
         t_us=prediction.t_us,
         detections={},
+        used=frozenset(),
         is_new=True,
         prediction=prediction,
         point=None,

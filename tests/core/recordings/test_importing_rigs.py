@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from app.cli.main import main
+from core.cameras import Camera
 from core.errors import RecordingError
 from core.events import SensorSize
 from core.recordings import ImportOrder, import_recording, open_recording
@@ -73,10 +74,28 @@ def test_event_and_frame_cameras_stand_in_one_recording(tmp_path, rig):
     times = tmp_path / "times.csv"
     times.write_text("".join(f"{9_000_000 + 10_000 * number}\n" for number in range(3)))
     paths = [path for path, _ in rig.values()]
-    import_recording(ImportOrder(paths, frames=FrameInput(pictures, times, 1000)), tmp_path / "a.h5")
+    frames = FrameInput(pictures, times, 1000)
+    import_recording(ImportOrder(paths, frames=frames), tmp_path / "a.h5")
     with open_recording(tmp_path / "a.h5") as recording:
         assert list(recording.cameras) == list(SIZES)
         assert list(recording.frames) == ["rgb"] and len(recording.frames["rgb"]) == 3
+        assert recording.frames["rgb"].calibration is None
+    known = {name: camera_at(size, number) for number, (name, size) in enumerate(SIZES.items())}
+    known["rgb"] = camera_at(SensorSize(30, 20), 3)
+    import_recording(ImportOrder(paths, frames=frames, calibration=known), tmp_path / "known.h5")
+    with open_recording(tmp_path / "known.h5") as recording:
+        assert not any("calibration" in note for note in recording.notes), "nothing of it is left out"
+        found = recording.frames["rgb"].calibration
+        assert found is not None and np.array_equal(found.T_world_camera, known["rgb"].T_world_camera)
+        assert all(camera.calibration is not None for camera in recording.cameras.values())
+
+
+def camera_at(size: SensorSize, number: int) -> Camera:
+    """One of some cameras in a row, 1 m apart."""
+    K = np.array([[400.0, 0, size.width_px / 2], [0, 400, size.height_px / 2], [0, 0, 1]])
+    T_world_camera = np.eye(4)
+    T_world_camera[0, 3] = number
+    return Camera(size, K, np.zeros(5), T_world_camera)
 
 
 def test_wrong_numbers_are_told_in_one_line(tmp_path, rig):
