@@ -65,7 +65,8 @@ class PolicyController:
         Raises:
             ConfigError: if the goal (2,) is not on the opponent's half.
         """
-        self.policy, self.task, self.name, self.hit = policy, task, name, hit
+        self.policy, self.task, self.name = policy, task, name
+        self.hit: HitRule = hit
         goal = np.asarray(goal_m, np.float64)
         on_half = goal.shape == (2,) and 0 < goal[0] < TABLE_LENGTH_M / 2 and abs(goal[1]) < TABLE_WIDTH_M / 2
         if not on_half:
