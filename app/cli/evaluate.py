@@ -42,7 +42,9 @@ class BallStatesArguments:
     ball_states: tuple[Path, ...] | None = flag("JSON of position, velocity and spin (no RUN then)", "FILE")
     sample: PositiveInt | None = flag("random sample of N balls per file instead of all", "N")
     told_after_ms: float = setting_flag(SimulatedReturnsConfig, "told_after_ms", "MS")
-    hit: HitRule = flag("where balls are met", "|".join(HIT_RULES), "paper", choices=HIT_RULES)
+    hit: HitRule | None = flag(
+        "where balls are met", "|".join(HIT_RULES), "paper; of a RUN, as it was trained", choices=HIT_RULES
+    )
     physics: Profile = flag("how balls fly and bounce", default="real")
     report: Path | None = flag("write a page with a picture (matplotlib draws it)", "FILE.md")
 
@@ -53,7 +55,7 @@ def run_ball_states(arguments: BallStatesArguments, paths: tuple[Path, ...], *, 
     if report is not None and (report.suffix != ".md" or not report.parent.is_dir()):
         raise CommandError("no such page", expected="FILE.md in a folder that exists", got=report, where="--report")
     config = SimulatedReturnsConfig(
-        task=task_profile(arguments.physics), hit=arguments.hit, told_after_ms=arguments.told_after_ms
+        task=task_profile(arguments.physics), hit=arguments.hit or "paper", told_after_ms=arguments.told_after_ms
     )
     read = [read_ball_states(path) for path in paths]
     if arguments.sample is not None:
@@ -86,7 +88,7 @@ def run_ball_states(arguments: BallStatesArguments, paths: tuple[Path, ...], *, 
 def _command(arguments: BallStatesArguments, paths: tuple[Path, ...]) -> str:
     """What was asked for, with the files' plain names."""
     words = ["rallyscope evaluate --ball-states", *(path.name for path in paths), f"--physics {arguments.physics}"]
-    if arguments.hit != "paper":
+    if arguments.hit == "chosen":
         words.append(f"--hit {arguments.hit}")
     if arguments.told_after_ms:
         words.append(f"--told-after-ms {arguments.told_after_ms:g}")
@@ -125,6 +127,8 @@ def _evaluate(folder: Path, arguments: EvaluateArguments) -> None:
     environment = config.environment
     if arguments.simulator is not None:
         environment = dataclasses.replace(environment, engine=arguments.simulator)
+    environment = dataclasses.replace(environment, hit=arguments.recorded.hit or environment.hit)
+    config = dataclasses.replace(config, environment=dataclasses.replace(config.environment, hit=environment.hit))
     if environment.engine == "mujoco":
         require_package("mujoco", "--simulator mujoco")
     with open_backend(config, None) as backend:
@@ -136,7 +140,14 @@ def _evaluate(folder: Path, arguments: EvaluateArguments) -> None:
             )
         else:
             with progress_bar("Playing before the cameras") as progress:
-                rows = evaluate_run(folder, balls=arguments.balls, which=which, backend=backend, progress=progress)
+                rows = evaluate_run(
+                    folder,
+                    balls=arguments.balls,
+                    which=which,
+                    environment=environment,
+                    backend=backend,
+                    progress=progress,
+                )
     if arguments.json:
         say(json.dumps(rows))
         return

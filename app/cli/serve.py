@@ -86,7 +86,7 @@ class ServeArguments:
         "where the live rally meets the ball: chosen, along its flight within the racket's reach; paper, at the plane "
         "5 cm behind the table",
         "|".join(HIT_RULES),
-        "chosen; with --robot, paper",
+        "chosen; paper before a robot that states no limits",
         choices=HIT_RULES,
     )
     rerun: str | None = flag("a Rerun viewer that Export may stream to", "rerun+http://HOST:PORT/proxy")
@@ -148,8 +148,7 @@ def run(arguments: ServeArguments) -> None:
             viewer_address=arguments.rerun,
             places=places,
             prediction=arguments.prediction,
-            # Of a robot that states no limits it is not known that it can go elsewhere.
-            hit=arguments.hit or ("chosen" if arguments.robot is None else "paper"),
+            hit=arguments.hit,
             constants=constants,
         )
         if startup is not None:

@@ -23,7 +23,7 @@ from core.data_sets.robot_recording import record_robot
 from core.errors import CommandError
 from core.live.worlds.world import WorldConfig
 from core.physics.config import Profile, physics_profile
-from core.physics.task import task_profile
+from core.physics.task import HIT_RULES, HitRule, task_profile
 from core.simulation import LaunchConfig, SensorConfig, StereoConfig, simulate_recording
 from core.simulation.frames import FrameConfig
 from core.simulation.recording import SimulatedRecording
@@ -93,6 +93,12 @@ class SimulateArguments:
     robot: bool | None = flag(
         "let the robot, which knows every ball, play it: racket and episodes are recorded (data sets: on)"
     )
+    hit: HitRule | None = flag(
+        "where the robot meets balls: chosen, where each can best be met; paper, at the plane 5 cm behind the table",
+        "|".join(HIT_RULES),
+        "paper",
+        choices=HIT_RULES,
+    )
     frames_hz: float | None = flag("take colour pictures too, at this rate", "HZ", within=(FrameConfig, "rate_hz"))
     exposure_us: int | None = setting_flag(FrameConfig, "exposure_us", "N", "exposure of the colour pictures")
     seed: int = flag("random seed; the same seed gives the same events", "N", 0)
@@ -153,7 +159,10 @@ def _simulate(arguments: SimulateArguments, progress: Progress) -> SimulatedReco
             frames=frames,
             overwrite=arguments.force,
             progress=progress,
+            hit=arguments.hit or "paper",
         )
+    if arguments.hit is not None:
+        raise CommandError("nobody hits a ball", got="--hit", remedy="give --robot too", where="--hit")
     return simulate_recording(
         arguments.out,
         config,
@@ -189,6 +198,7 @@ def refuse_data_set_arguments(asked: DataSetArguments, engine: SharedBackendArgu
 def run_data_sets(arguments: SimulateArguments) -> None:
     """Make the data set, and say what was made."""
     single = {"speed": arguments.speed, "scene": arguments.scene.scene, "constants": arguments.constants}
+    single["hit"] = arguments.hit
     _refuse(single, "is of a single recording; a data set takes --speeds and --scenes")
     if arguments.out.exists() and not arguments.out.is_dir():
         raise CommandError("a data set is a folder", got="a file", where=arguments.out)

@@ -41,6 +41,7 @@ from core.learning.rewards import RewardConfig, RewardKind
 from core.learning.runs.run_files import create_run, read_run, seed_files
 from core.learning.task.environment import ball_state_files
 from core.physics.config import Profile
+from core.physics.task import HitRule
 
 BALLS_BEFORE_CAMERAS = 100
 """Fixed balls of an evaluation with states from events: each takes a second to be seen, once per training."""
@@ -71,6 +72,9 @@ class NewRunArguments:
     )
     racket: RacketSpeedRule | None = setting_flag(
         EnvironmentConfig, "racket", what="racket speed: derived from the ball's, or chosen per ball (landing-model)"
+    )
+    hit: HitRule | None = setting_flag(
+        EnvironmentConfig, "hit", what="where balls are met: always at the plane, or chosen along the flight"
     )
     balls: str | None = flag(
         "drawn serves; the same with spin, up to 100 rad/s about each axis; or recorded ball states, a file or a folder"
@@ -181,6 +185,7 @@ def requested_run(arguments: NewRunArguments) -> RunConfig:
             state=state,
             recorded=recorded,
             racket=arguments.racket or config.environment.racket,
+            hit=arguments.hit or config.environment.hit,
             engine=arguments.simulator or config.environment.engine,
         ),
         evaluation_balls=before_cameras if few else config.evaluation_balls,

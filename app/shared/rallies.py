@@ -15,11 +15,11 @@ from core.cameras import Camera
 from core.chain.calibration_drift import DriftReport
 from core.chain.config import PredictionName
 from core.chain.control.controller import BuiltInController
-from core.chain.control.policy_controller import load_controller
 from core.errors import CommandError
 from core.history.following import Following, Followings, is_stereo
 from core.history.rally_history import RallyHistory, RallyMoment
 from core.history.rally_picture import People, RallyPicture
+from core.learning.runs.policy_controller import load_controller
 from core.online_learning.controller import NAME
 from core.online_learning.start import NOTHING, LearningStart, can_start_from, start_from_nothing, start_from_run
 from core.recordings import Recording

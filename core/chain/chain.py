@@ -263,8 +263,19 @@ class RallyChain:
     @property
     def learned(self) -> LearnedConstants | None:
         """Constants of air and table learned from the balls so far; None where they are known or not learned."""
+        learning = self._learning
+        return None if learning is None else learning.learned
+
+    @property
+    def air(self) -> float:
+        """Probability that there is air, by the present flight too; certain where the constants are not learned."""
+        learning = self._learning
+        return 1.0 if learning is None else learning.air
+
+    @property
+    def _learning(self) -> FilterPredictor | None:
         predictor = self._predictor
-        return predictor.learned if isinstance(predictor, FilterPredictor) and self.config.filter.perhaps_real else None
+        return predictor if isinstance(predictor, FilterPredictor) and self.config.filter.perhaps_real else None
 
     def forget_flight(self) -> None:
         """Expect a new ball; the detectors go on as they are, and what was learnt of air and table is kept."""

@@ -13,6 +13,8 @@ from core.detection.methods import METHODS, Method, method_config
 from core.errors import ConfigError
 from core.physics.config import PhysicsConfig
 from core.physics.constants_file import FittedConstants
+from core.physics.task import HIT_RULES as HIT_RULES
+from core.physics.task import HitRule as HitRule
 from core.table import AIR_KG_PER_M3
 from core.trajectory import (
     FilterConfig,
@@ -147,9 +149,6 @@ class ChainConfig:
 PredictionName = Literal["filter", "paper"]
 PREDICTIONS: Final[tuple[PredictionName, ...]] = get_args(PredictionName)
 """`filter`: every point of the flight. `paper`: the published fit of five points before, then after the bounce."""
-HitRule = Literal["chosen", "paper"]
-HIT_RULES: Final[tuple[HitRule, ...]] = get_args(HitRule)
-"""`chosen`: the ball is met along its flight, where it can be met. `paper`: always at the published hitting plane."""
 
 
 def with_prediction(chain: ChainConfig, name: PredictionName) -> ChainConfig:

@@ -10,20 +10,32 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.cameras import Camera
 from core.chain.control.controller import BuiltInController, RacketDecision
+from core.chain.control.hit_choice import FaceTrajectory, HitChoiceConfig, RacketReach, choose_hit
+from core.chain.control.known_flight import KnownFlight, fly_to_planes
 from core.config import config_to_mapping
 from core.errors import ConfigError
-from core.history.recorded_rally import EPISODES, RACKET, TARGETS, episode_rows, racket_rows, target_rows
+from core.history.recorded_rally import (
+    EPISODES,
+    HIT_CHOICES,
+    RACKET,
+    TARGETS,
+    choice_rows,
+    episode_rows,
+    racket_rows,
+    target_rows,
+)
 from core.live.link.published import outcome_notice
 from core.live.worlds.world import Block, ClassifiedBall, SimulatedWorld, WorldConfig
 from core.physics.config import PhysicsConfig
 from core.physics.episode import Serves
+from core.physics.task import HitRule
 from core.recordings import RecordingWriter
 from core.simulation.episodes.ball_outcome import RallyEvent
 from core.simulation.episodes.closed_form import fly_serves
@@ -61,6 +73,7 @@ def record_robot(
     remarks: Mapping[str, object] | None = None,
     overwrite: bool = False,
     progress: Callable[[float], None] = lambda share: None,
+    hit: HitRule = "paper",
 ) -> SimulatedRecording:
     """Write a recording of one serve per speed, played by the robot. The same seed gives the same recording.
 
@@ -76,6 +89,7 @@ def record_robot(
         remarks: added to its config.
         overwrite: whether a file there may be replaced.
         progress: gets the share that is done.
+        hit: where the robot meets balls; as chosen, or always at the paper's plane.
 
     Raises:
         RecordingError: if the file exists and `overwrite` is not set, or it cannot be written.
@@ -86,7 +100,7 @@ def record_robot(
     settings = {
         **config_to_mapping(config.stereo),
         "task": config_to_mapping(config.task),
-        "robot": {"controller": "built-in", "racket": config_to_mapping(config.racket)},
+        "robot": {"controller": "built-in", "hit": hit, "racket": config_to_mapping(config.racket)},
         "speeds_mps": list(speeds_mps),
         **frames_mapping(frames),
         **(remarks or {}),
@@ -98,7 +112,7 @@ def record_robot(
             path, sensors, calibration=cameras, seed=seed, config=settings, uuid=uuid, overwrite=overwrite
         ) as writer:
             track = None if frames is None else FrameTrack(cameras, config.stereo.scene, frames, seed, world.bodies)
-            session = _Session(world, writer, track)
+            session = _Session(world, writer, track, hit)
             session.wait(FIRST_SERVE_US)
             for number, speed_mps in enumerate(speeds_mps):
                 base = number / len(speeds_mps)
@@ -115,11 +129,19 @@ def record_robot(
     )
 
 
+class _BallToHit(NamedTuple):
+    """A ball where it is to be hit."""
+
+    t_s: float
+    state: Array
+    """(9,) position, velocity, spin."""
+
+
 class _Session:
     """The robot at play, and the writer beside it."""
 
-    def __init__(self, world: SimulatedWorld, writer: RecordingWriter, track: FrameTrack | None) -> None:
-        self._world, self._writer, self._track = world, writer, track
+    def __init__(self, world: SimulatedWorld, writer: RecordingWriter, track: FrameTrack | None, hit: HitRule) -> None:
+        self._world, self._writer, self._track, self._hit = world, writer, track, hit
         self._controller = BuiltInController(world.config.task)
         self._recent = RecentBlocks(world.config.task.physics)
         self.truths = self.pictures = 0
@@ -128,14 +150,15 @@ class _Session:
         """One ball from its serve until all is at rest again."""
         world = self._world
         serve = world.draw_serve(speed_mps)
-        self._aim(serve, "pre")
+        ball = self._ball_to_hit(serve)
+        self._aim(ball, "pre")
         decision: RacketDecision | None = None
         played = False
         while not played:
             block = self._advance()
             progress(min(1.0, (world.now_us * 1e-6 - serve.t_s) / USUAL_BALL_S))
             if decision is None and any(contact.event.kind == "bounce" for contact in block.contacts):
-                decision = self._aim(serve, "post")
+                decision = self._aim(ball, "post")
             for judged in block.outcomes:
                 self._write_episode(judged, decision)
                 played = True
@@ -153,12 +176,34 @@ class _Session:
         for _ in range(duration_us // BLOCK_US):
             self._advance()
 
-    def _aim(self, serve: RallyEvent, stage: Stage) -> RacketDecision | None:
-        """Send the racket to where this serve, which is known, will come; None if no stroke answers it."""
+    def _ball_to_hit(self, serve: RallyEvent) -> _BallToHit | None:
+        """The ball, which is known, where it is to be hit; None where no stroke returns it."""
         launch = Serves(serve.state[None, :3], serve.state[None, 3:6], serve.state[None, 6:9])
-        arrivals = fly_serves(launch, self._world.config.task)
-        ball, t_s = arrivals.states[0], serve.t_s + float(arrivals.t_s[0])
-        decision = self._controller.decide(t_s, ball[:3], ball[3:6], stage=stage, spin_radps=ball[6:9])
+        config = self._world.config
+        if self._hit == "paper":
+            arrivals = fly_serves(launch, config.task)
+            return _BallToHit(serve.t_s + float(arrivals.t_s[0]), arrivals.states[0])
+        rules = HitChoiceConfig()
+        flight = KnownFlight.of(fly_to_planes(launch, rules.xs_m, config.task), 0, launch_s=serve.t_s)
+        racket = FaceTrajectory(serve.t_s, config.racket.home_m, np.zeros(3))
+        reach = RacketReach.of_config(config.racket)
+        choice = choose_hit(flight, self._controller.strokes(), racket, reach, rules)
+        rows = choice_rows(choice, 0)
+        if rows is not None:
+            self._writer.append_rows(HIT_CHOICES, rows)
+        if choice.chosen is None:
+            logger.info("%s", choice.explanation)
+            return None
+        hit = choice.chosen.hit
+        assert hit.spin_radps is not None  # it is known
+        return _BallToHit(hit.t_s, np.concatenate([hit.p_world_m, hit.v_world_mps, hit.spin_radps]))
+
+    def _aim(self, ball: _BallToHit | None, stage: Stage) -> RacketDecision | None:
+        """Send the racket to where the ball will come; None if no stroke answers it."""
+        if ball is None:
+            return None
+        p, v, spin = np.split(ball.state, 3)
+        decision = self._controller.decide(ball.t_s, p, v, stage=stage, spin_radps=spin)
         if decision is None:
             return None
         try:

@@ -21,7 +21,7 @@ from core.detection import Detector
 from core.history.played_bodies import PlayedBodies, recorded_bodies
 from core.history.rally_history import Outcome, RallyHistory
 from core.history.rally_picture import LandingSpot
-from core.history.recorded_rally import EPISODES, RACKET, HasRows, read_targets
+from core.history.recorded_rally import EPISODES, RACKET, HasRows, read_choices, read_targets
 from core.history.seen_outcomes import note_stroke
 from core.outcomes import OutcomeClassifier
 from core.physics.episode import Case
@@ -45,6 +45,7 @@ def add_known(history: RallyHistory, ball: BallTruth | None, rows: HasRows) -> N
     if racket is not None:
         history.add_rackets(*(np.asarray(racket[name]) for name in ("t_us", "p_world_m", "q_world_wxyz")))
     history.add_targets(read_targets(rows))
+    history.add_choices(read_choices(rows))
     if episodes is not None:
         columns = (np.asarray(episodes[name]) for name in ("serve_us", "speed_mps", "case", "f"))
         rows_of = list(zip(*columns, strict=True))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from core.chain.chain import BallPoint
 from core.chain.control.controller import RacketDecision
+from core.chain.control.hit_choice import HitChoice
 from core.chain.control.player import PlayerState
 from core.history.rally_picture import LandingSpot, Pose, RallyPicture
 from core.history.shown_prediction import ShownPrediction, places_of, shown_prediction, spreads_of
@@ -155,6 +156,7 @@ class RallyHistory:
             self._outcomes: _Line[Outcome] = _Line()
             self._outcome_count = 0
             self._targets: _Line[RacketDecision] = _Line()
+            self._choices: _Line[HitChoice] = _Line()
             self._hits: _Line[tuple[int, HitPlane]] = _Line()
             self._before: ShownPrediction | None = None
             self._after: ShownPrediction | None = None
@@ -216,6 +218,12 @@ class RallyHistory:
         with self._lock:
             for one in targets:
                 self._targets.add(one.t_us, replace(one, landing_m=one.goal_m))
+
+    def add_choices(self, choices: Iterable[HitChoice]) -> None:
+        """Add the recorded choices of where balls are hit."""
+        with self._lock:
+            for one in choices:
+                self._choices.add(one.t_us, one)
 
     def add_truth(self, truth: BallTruth) -> None:
         """Add the true ball."""
@@ -299,13 +307,20 @@ class RallyHistory:
 
     def _expect(self, state: PlayerState, predicted: Prediction) -> None:
         recorded = self._targets.last(state.chain.t_us) if self._targets.items else None
-        expected = shown_prediction(predicted, recorded or state.decision, state.choice)
+        choice = state.choice or self._recorded_choice(state.chain.t_us)
+        expected = shown_prediction(predicted, recorded or state.decision, choice)
         if expected.hit is not None:
             self._hits.add(expected.t_us, (expected.t_us, expected.hit))
         if predicted.stage == "pre":
             self._before, self._after = expected, None
         else:
             self._after = expected
+
+    def _recorded_choice(self, t_us: int) -> HitChoice | None:
+        """What a recording says of the ball in flight; None if that ball has passed every place."""
+        choice = self._choices.last(t_us)
+        ahead = choice is not None and any(1e6 * one.hit.t_s >= t_us for one in choice.candidates)
+        return choice if ahead else None
 
 
 def _one_flight(points: list[BallPoint]) -> list[BallPoint]:

@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Final, Protocol
 
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.chain.control.controller import RacketDecision
-from core.chain.control.hit_choice import HitChoice
+from core.chain.control.hit_choice import REASONS, HitCandidate, HitChoice, nearest_reason
 from core.learning.config import RewardConfig
 from core.learning.task.reward import reward_weights, rewards_of
 from core.live.link import messages as m
@@ -22,7 +23,7 @@ from core.physics.rotation import normals_from_orientations
 from core.simulation.episodes.racket import RacketTarget
 from core.table import BALL_RADIUS_M
 from core.trajectory import Prediction
-from core.trajectory.prediction import Stage
+from core.trajectory.prediction import HitPlane, Stage
 
 Array = NDArray[np.float64]
 Rows = dict[str, np.ndarray]
@@ -74,6 +75,32 @@ def choice_rows(choice: HitChoice, zero_us: int) -> Rows | None:
         "chosen": np.array([one is choice.chosen for one in places]),
         "why_not": np.array([one.why_not.encode() for one in places], "S64"),
     }
+
+
+def read_choices(recording: HasRows) -> tuple[HitChoice, ...]:
+    """Where balls were to be hit, in order; nothing if the recording does not say.
+
+    Of the ball at a place the position is known with its standard deviations, and the time; all else is NaN.
+    """
+    rows = recording.read_rows(HIT_CHOICES)
+    if rows is None or not len(rows["t_us"]):
+        return ()
+    each = [_place(rows, k) for k in range(len(rows["t_us"]))]
+    found: list[HitChoice] = []
+    for ks in np.split(np.arange(len(each)), np.flatnonzero(np.diff(rows["t_us"])) + 1):
+        places = tuple(each[k] for k in ks)
+        chosen = next((each[k] for k in ks if rows["chosen"][k]), None)
+        why_not = "" if chosen is not None else nearest_reason([one for one in places if one.why_not])
+        found.append(HitChoice(int(rows["t_us"][ks[0]]), chosen, places, why_not))
+    return tuple(found)
+
+
+def _place(rows: Mapping[str, np.ndarray], k: int) -> HitCandidate:
+    unknown, text = np.full(3, np.nan), bytes(rows["why_not"][k]).decode("ascii", "replace")
+    p, sigma, t_s = rows["p_hit_m"][k], rows["sigma_m"][k], 1e-6 * int(rows["t_hit_us"][k])
+    hit = HitPlane(t_s, math.nan, p, sigma, unknown, unknown, np.full((6, 6), np.nan), "pre")
+    known = text if text in REASONS else ""
+    return HitCandidate(hit, float(rows["chance"][k]), float(rows["landing_sigma_m"][k]), known)
 
 
 class HasRacket(Protocol):

@@ -15,7 +15,7 @@ from core.learning.registered_agents import AGENTS, AgentName, agent_section
 from core.learning.rewards import RewardConfig
 from core.physics.config import Profile
 from core.physics.constants_file import FittedConstants
-from core.physics.task import TaskConfig, hard_serves, task_profile
+from core.physics.task import HitRule, TaskConfig, hard_serves, task_profile
 
 StateSource = Literal["predicted", "truth", "truth+noise", "timed", "events"]
 StateKind = Literal["plain", "spin"]
@@ -96,6 +96,9 @@ class EnvironmentConfig:
     """Standard deviation per axis of `truth+noise`."""
     velocity_noise: float = setting(0.01, 0.0, 0.2)
     """Standard deviation per axis of `truth+noise`, as a share of the speed."""
+    hit: HitRule = "paper"
+    """Where balls are met: at the task's plane as in the paper, or where each can best be met along its flight, as in
+    the live rally. Place and time then follow from the flight; the action is the orientation as before."""
     racket: RacketSpeedRule = "table"
     """Speed of the racket towards a ball: by the task's table for the ball's speed, as in the paper's task, or
     chosen for every ball as a fourth part of the action."""

@@ -27,6 +27,7 @@ from core.learning.task.environment import (
 from core.learning.task.normalise import STATE_SIZES, normal_observations
 from core.learning.task.reward import episode_rewards, reward_weights
 from core.physics.episode import Case, Outcomes
+from core.physics.task import HitRule
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -58,6 +59,7 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         batch: ServeBatch | None = None,
         backend: EpisodeBackend | None = None,
         racket: RacketSpeedRule | None = None,
+        hit: HitRule | None = None,
     ) -> None:
         """An environment before its first episode.
 
@@ -68,8 +70,9 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
             batch: exactly these balls are played, in this order, again from the first after the last.
             backend: what serves and plays them; None: the closed-form simulator.
             racket: speed of the racket; None: the environment's.
+            hit: where balls are met; None: as the environment says.
         """
-        self.environment, self.reward = task_of(environment, reward, racket)
+        self.environment, self.reward = task_of(environment, reward, racket, hit)
         self.speed_mps = speed_mps
         self.observation_space, self.action_space = spaces_of(self.environment)
         self.episodes = 0
@@ -131,12 +134,14 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
 
 
 def task_of(
-    environment: EnvironmentConfig | None, reward: RewardConfig | str | None, racket: RacketSpeedRule | None
+    environment: EnvironmentConfig | None,
+    reward: RewardConfig | str | None,
+    racket: RacketSpeedRule | None,
+    hit: HitRule | None = None,
 ) -> tuple[EnvironmentConfig, RewardConfig]:
     """The task and the reward, with what was left out: states known exactly, the reward by cases."""
     task = environment if environment is not None else EnvironmentConfig(state_source="truth")
-    if racket is not None:
-        task = dataclasses.replace(task, racket=racket)
+    task = dataclasses.replace(task, racket=racket or task.racket, hit=hit or task.hit)
     if not isinstance(reward, RewardConfig):
         reward = RewardConfig(kind="case" if reward is None else reward)
     return task, reward

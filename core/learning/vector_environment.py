@@ -15,11 +15,14 @@ from core.errors import AgentError, ConfigError
 from core.learning.config import EnvironmentConfig, RacketSpeedRule, RewardConfig
 from core.learning.gym_environment import infos_of, observations_of, rewards_in, spaces_of, task_of
 from core.learning.task.environment import ClosedFormBackend, ServeBatch, check_actions, draw_serve_batch, play
+from core.physics.task import HitRule
 
 Floats = NDArray[np.float32]
 
 BATCH = 8192
-"""Balls drawn at a time, for all copies."""
+"""Balls drawn at a time, for all copies ..."""
+FEW = 256
+"""... and where the hit is chosen."""
 
 
 class VectorReturn(gymnasium.vector.VectorEnv[Floats, Floats, NDArray[Any]]):
@@ -39,6 +42,7 @@ class VectorReturn(gymnasium.vector.VectorEnv[Floats, Floats, NDArray[Any]]):
         environment: EnvironmentConfig | None = None,
         reward: RewardConfig | str | None = None,
         racket: RacketSpeedRule | None = None,
+        hit: HitRule | None = None,
     ) -> None:
         """Raises ConfigError for a number of copies below 1, or states from events, which need event cameras.
 
@@ -48,10 +52,11 @@ class VectorReturn(gymnasium.vector.VectorEnv[Floats, Floats, NDArray[Any]]):
             environment: the task; None: the paper's.
             reward: its config or name; None: the paper's.
             racket: speed of the racket; None: the environment's.
+            hit: where balls are met; None: as the environment says.
         """
         if num_envs < 1:
             raise ConfigError("no copies of the environment", expected="1 or more", got=num_envs, where="num_envs")
-        self.environment, self.reward = task_of(environment, reward, racket)
+        self.environment, self.reward = task_of(environment, reward, racket, hit)
         ClosedFormBackend(self.environment)  # refuses what only event cameras have
         self.speed_mps = speed_mps
         self.num_envs = num_envs
@@ -116,7 +121,8 @@ class VectorReturn(gymnasium.vector.VectorEnv[Floats, Floats, NDArray[Any]]):
     def _draw_batch(self) -> Floats:
         """The next ball of each copy, and what is seen of them."""
         if self._drawn is None or self._next + self.num_envs > len(self._drawn):
-            rounds = max(1, BATCH // self.num_envs)
+            # The place of each ball is chosen one by one, which takes a millisecond.
+            rounds = max(1, (BATCH if self.environment.hit == "paper" else FEW) // self.num_envs)
             count = rounds * self.num_envs
             self._drawn = draw_serve_batch(self.speed_mps, count, self.environment, self.np_random)
             self._seen = observations_of(self._drawn)

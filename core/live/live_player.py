@@ -45,7 +45,8 @@ class LivePlayerConfig:
     window_us: int = setting(2000, 200, 10_000)
     """Length of a window of events, a whole part of a block."""
     hit: HitRule = "chosen"
-    """Where the built-in controller meets the ball: `chosen` along its flight, or always at the `paper`'s plane."""
+    """Where the ball is met: `chosen` along its flight, or always at the `paper`'s plane. Before a robot that states no
+    limits it is always the plane."""
     knows_physics: bool = False
     """Whether chain and controller get the simulation's exact physics; otherwise they learn it."""
 
@@ -366,9 +367,14 @@ class LivePlayer:
         self._meter.note_block()
 
     def _inform_of_racket(self, player: Player) -> None:
-        """What the robot says of itself: its limits, and where it waits."""
-        if isinstance(self._source.robot, LimitedRobot) and self._source.robot.reach is not None:
-            player.reach = self._source.robot.reach
+        """What the robot says of itself: its limits, and where it waits.
+
+        Of a robot that states no limits, or has not yet, it is not known that it can go elsewhere than to the plane.
+        """
+        robot = self._source.robot
+        reach = robot.reach if isinstance(robot, LimitedRobot) else None
+        player.reach = reach or player.reach
+        player.hit = self._config.hit if robot is None or reach is not None else "paper"
         racket = self._flight.racket
         player.rest_m = None if racket is None else racket.p_world_m
 

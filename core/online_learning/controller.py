@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.chain.control.controller import RacketDecision
-from core.chain.control.policy_controller import PolicyController
 from core.learning.agents.policy import Policy
 from core.learning.config import StateKind
+from core.learning.runs.policy_controller import PolicyController
 from core.physics import PhysicsConfig, TaskConfig
 from core.trajectory.prediction import Stage
 

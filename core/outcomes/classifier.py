@@ -38,6 +38,7 @@ from core.physics import contact
 from core.physics.contact import HALF_LENGTH_M, HALF_WIDTH_M, NET_HALF_WIDTH_M
 from core.physics.episode import CASE_OF_CONTACT, Case
 from core.table import BALL_RADIUS_M, NET_HEIGHT_M
+from core.trajectory.prediction import HitPlane
 
 Array = NDArray[np.float64]
 
@@ -401,12 +402,14 @@ class OutcomeClassifier:
         """Whether the ball was seen at all."""
         return len(self._log) > 0
 
-    def step(self, state: ChainState, decision: RacketDecision | None = None) -> ClassifiedStroke | None:
-        """Final classification of a ball, once, at the step that decides it; else None. `decision`: where the racket is
-        sent to meet the ball; None: at the hitting plane.
+    def step(self, state: ChainState, met: RacketDecision | HitPlane | None = None) -> ClassifiedStroke | None:
+        """Final classification of a ball, once, at the step that decides it; else None. `met`: where the ball is to be
+        met, or the decision that sends the racket there; None: at the hitting plane.
         """
-        if decision is not None and np.isfinite(decision.state[0]):
-            self._expected_us, self._met_x_m = 1e6 * decision.target.t_s, float(decision.state[0])
+        if isinstance(met, HitPlane):
+            self._expected_us, self._met_x_m = 1e6 * met.t_s, float(met.p_world_m[0])
+        elif met is not None and np.isfinite(met.state[0]):
+            self._expected_us, self._met_x_m = 1e6 * met.target.t_s, float(met.state[0])
         elif state.prediction is not None and state.prediction.hit_plane is not None:
             self._expected_us = 1e6 * state.prediction.hit_plane.t_s
         point, verdict = state.point, state.verdict

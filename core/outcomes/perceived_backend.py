@@ -17,6 +17,7 @@ from core.errors import ConfigError
 from core.events import Events
 from core.learning.config import EnvironmentConfig
 from core.learning.task.environment import ServeBatch, strokes_of
+from core.learning.task.hit_places import HitPlaces
 from core.learning.task.normalise import STATE_SIZES
 from core.learning.task.perception import state_of
 from core.outcomes.ball_log import ServeSeen
@@ -64,6 +65,8 @@ class PerceivedBackend:
         self._environment, self._world_backend = environment, world_backend
         self._chain = RallyChain(world_backend.cameras, dataclasses.replace(config, predictor=predictor))
         self._judge = OutcomeClassifier(judge, hit_x_m=hit_x_m)
+        self._places = HitPlaces(environment)
+        self._met: HitPlane | None = None
         self.served_us = 0
         """Time of the serve command, us."""
         self.judged: ClassifiedStroke | None = None
@@ -86,6 +89,8 @@ class PerceivedBackend:
         serves = batch.serves
         self.served_us, self.judged = self._world_backend.now_us, None
         self._chain.reset()
+        self._places.forget()
+        self._met = None
         self._judge.begin()
         self._world_backend.serve(serves.ps_m[0], serves.vs_mps[0], serves.spins_radps[0])
         seen: HitPlane | None = None
@@ -131,10 +136,11 @@ class PerceivedBackend:
     def _watch(self, block: SeenBlock) -> HitPlane | None:
         """Process a block's events; returns the newest prediction, and stores a classification."""
 
-        def judge(state: ChainState) -> None:
-            self.judged = self._judge.step(state) or self.judged
+        def judge(state: ChainState, place: HitPlane | None) -> None:
+            self._met = place or self._met
+            self.judged = self._judge.step(state, None if state.prediction is None else self._met) or self.judged
 
-        return newest_prediction(self._chain, block, WINDOW_US, judge)
+        return newest_prediction(self._chain, block, WINDOW_US, self._places, judge)
 
     def _as_seen(self, batch: ServeBatch, seen: HitPlane, serve: ServeSeen) -> ServeBatch:
         racket_mps = self._environment.task.stroke.racket_speed.at(serve.speed_mps)
@@ -171,15 +177,27 @@ class SeenEvents(Protocol):
 
 
 def newest_prediction(
-    chain: RallyChain, block: SeenEvents, window_us: int, on_step: Callable[[ChainState], None]
+    chain: RallyChain,
+    block: SeenEvents,
+    window_us: int,
+    places: HitPlaces,
+    on_step: Callable[[ChainState, HitPlane | None], None],
 ) -> HitPlane | None:
-    """The newest prediction of the hitting plane after the chain has taken a block's windows; None without one."""
+    """The newest prediction of the place of the hit after the chain has taken a block's windows; None without one.
+
+    Args:
+        chain: takes the windows.
+        block: events of all cameras over a time.
+        window_us: length of a window.
+        places: says where the ball is met.
+        on_step: gets each step, and where the ball is met by it.
+    """
     found = None
     for windows in block_windows(block.events, block.start_us, block.end_us, window_us):
         state = chain.step(windows)
-        on_step(state)
-        if state.is_new and state.prediction is not None and state.prediction.hit_plane is not None:
-            found = state.prediction.hit_plane
+        place = places.of(state)
+        on_step(state, place)
+        found = place or found
     return found
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, Literal, get_args
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from core.physics.constants_file import FittedConstants
 
 STAGE_SPEEDS_MPS: Final = (3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
 """Serve speeds that the tables below list; between them they are interpolated."""
+HitRule = Literal["chosen", "paper"]
+HIT_RULES: Final[tuple[HitRule, ...]] = get_args(HitRule)
+"""`chosen`: the ball is met along its flight, where it can be met. `paper`: always at the published hitting plane."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -118,8 +118,11 @@ class Continuation:
         """Row 0 alone: the flight without its neighbours."""
         return Continuation(tuple(Arcs(arcs.t_s[:1], arcs.ps_m[:1], arcs.vs_mps[:1]) for arcs in self.arcs))
 
-    def hits(self, x_m: float) -> tuple[Array, Array]:
-        """When (N,) each ball first crosses the plane x towards the robot, and its state (N, 6) there; nan if never."""
+    def hits(self, x_m: float | Array) -> tuple[Array, Array]:
+        """When (N,) each ball first crosses the plane x towards the robot, and its state (N, 6) there; nan if never.
+
+        One plane for all, or one for each (N,).
+        """
         count = len(self.arcs[0].t_s)
         t_hit, states = np.full(count, np.nan), np.full((count, 6), np.nan)
         for number, arcs in enumerate(self.arcs):
@@ -177,7 +180,7 @@ def predict_arrivals(
     ps_m: Array,
     observed: NDArray[np.bool_] | None = None,
     *,
-    hit_x_m: float,
+    hit_x_m: float | Array,
     restitution: float,
     tangential_factor: float,
 ) -> tuple[Array, Array]:
@@ -190,7 +193,7 @@ def predict_arrivals(
         t_s: (N, K) times of the positions.
         ps_m: (N, K, 3) positions, world.
         observed: (N, K) which of them count; None: all.
-        hit_x_m: x of the hitting plane.
+        hit_x_m: x of the hitting plane, one or (N,).
         restitution: share of the vertical speed that the table keeps.
         tangential_factor: share of the horizontal speed.
     """

@@ -178,8 +178,7 @@ class FilterPredictor:
         """Reset the flight; the learned constants are kept and updated, where they are learned."""
         self._learn()
         self.latest: Prediction | None = None
-        self._filters = ()
-        self._predicted_us = 0
+        self._filters, self._predicted_us = (), 0
 
     @property
     def believed(self) -> BallFilter | None:
@@ -316,19 +315,20 @@ class FilterPredictor:
         ]
         return [(best, weights[best]), *counted]
 
+    @property
+    def air(self) -> float:
+        """Probability that the ball flies through air, by this flight up to now and those before it."""
+        if not self._filters or not self.config.perhaps_real:
+            return self.learned.air
+        return sum(weight for one, weight in self._weights().items() if one.process_noise.lift > 0)
+
     def _learn(self) -> None:
         """Update the learned constants with this flight, where they are learned."""
-        best = self.believed
-        if best is None or not self.config.perhaps_real:
-            return
-        weights = self._weights()
-        air = sum(weight for one, weight in weights.items() if one.process_noise.lift > 0)
-        self.learned = self.learned.after(best, weights[best], air)
+        if (best := self.believed) is not None and self.config.perhaps_real:
+            self.learned = self.learned.after(best, self._weights()[best], self.air)
 
     def _possible(self) -> tuple[BallFilter, ...]:
         """Filters without those that cannot become probable again."""
-        if len(self._filters) == 1:
-            return self._filters
         least = max(self._evidence(one) for one in self._filters) + IMPOSSIBLE
         return tuple(one for one in self._filters if self._evidence(one) >= least)
 

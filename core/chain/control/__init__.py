@@ -1,1 +1,1 @@
-"""From a prediction to a racket command: the built-in controller, trained policies, the player."""
+"""From a prediction to a racket command: the built-in controller, the choice of the hit, the player."""

@@ -258,7 +258,7 @@ def choose_hit(
     )
     possible = [one for one in candidates if not one.why_not]
     if not possible:
-        return HitChoice(prediction.t_us, None, candidates, _why_not(candidates))
+        return HitChoice(prediction.t_us, None, candidates, nearest_reason(candidates))
     best = max(one.chance for one in possible)
     good = [one for one in possible if one.chance >= best - config.enough]
     most_m = (1 + config.alike) * min(one.landing_sigma_m for one in good)
@@ -372,6 +372,6 @@ def expected_covariance(hit: HitPlane, since_s: float, config: HitChoiceConfig) 
     return hit.covariance * np.outer(scale, scale)
 
 
-def _why_not(candidates: Sequence[HitCandidate]) -> str:
-    """The reason of the candidate that came nearest to a stroke."""
+def nearest_reason(candidates: Sequence[HitCandidate]) -> str:
+    """Why no stroke returns a ball: the reason of the candidate that came nearest to one."""
     return max((one.why_not for one in candidates), key=REASONS.index, default="the ball does not come to the racket")

@@ -20,12 +20,13 @@ from core.chain.control.hit_choice import (
     RacketReach,
     choose_hit,
 )
+from core.chain.control.hit_selector import COMMAND_S, ChoosesHit, HitSelector
 from core.chain.control.step_test import CommandLatency
 from core.events import Window
 from core.simulation.episodes.racket import RacketConfig
 from core.trajectory import Prediction
 from core.trajectory.learned_constants import LearnedConstants
-from core.trajectory.prediction import HitPlane, Stage
+from core.trajectory.prediction import HitPlane
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,12 +51,6 @@ FREEZE_S: Final = 0.012
 """So short before the impact nothing is decided any more: the ball is in front of the racket and their events mix, and
 what is seen after the impact still looks like the old flight for some windows (our measurement: predictions of the time
 that are 7 to 15 ms off)."""
-CHOOSE_AGAIN_US: Final = 30_000
-"""The place of the hit is looked for again after so long, and after the bounce (choice: it costs a millisecond)."""
-LAST_SWITCH_S: Final = 0.15
-"""So short before the hit its place is kept: another one, however good, would cost the motion so far (choice)."""
-COMMAND_S: Final = 0.02
-"""From the end of a window until the racket moves by it (our measurement: 18 ms)."""
 
 
 def choose_from_rest(prediction: Prediction, controller: BuiltInController, bounces_us: Sequence[int]) -> HitChoice:
@@ -78,13 +73,14 @@ class Player:
         reach: RacketReach | None = None,
         choice: HitChoiceConfig | None = None,
     ) -> None:
-        """With the hit `chosen`, the built-in controller meets the ball where it can be met, within the racket's reach
-        (by default that of the simulated one). A trained policy keeps the plane of its training.
+        """With the hit `chosen`, a controller that can meet the ball elsewhere than at the plane does so where it can
+        best be met, within the racket's reach (by default that of the simulated one): the built-in one, and a policy
+        that was trained so.
         """
         self.chain = chain
         self.hit: HitRule = hit
         self.reach = reach or RacketReach.of_config(RacketConfig())
-        self._choice_config = choice or HitChoiceConfig()
+        self._hits = HitSelector(choice)
         self.rest_m: NDArray[np.float64] | None = None
         """(3,) where the racket waits, as it says itself; None: at the home of `reach`."""
         self._forget_hit()
@@ -96,7 +92,7 @@ class Player:
         """The racket is told to be there so much before the ball: what its commands take to become motion. Whoever
         decides; a controller's own lead adds to it."""
         self._decision: RacketDecision | None = None
-        self._informed: tuple[Controller, LearnedConstants, Controller] | None = None
+        self._informed: tuple[tuple[Controller, LearnedConstants, bool], Controller] | None = None
 
     def lead_by(self, latency: CommandLatency) -> None:
         """Decide for a racket that is so late, by a step test."""
@@ -116,9 +112,7 @@ class Player:
         self._forget_hit()
 
     def _forget_hit(self) -> None:
-        self._choice: HitChoice | None = None
-        self._choice_stage: Stage | None = None
-        self._kept_x_m: float | None = None
+        self._hits.forget()
         self._racket: FaceTrajectory | None = None  # where it was when the last decision took effect; None at home
 
     def step(self, windows: Mapping[str, Window]) -> PlayerState:
@@ -137,7 +131,7 @@ class Player:
             self._racket = self._motion(state)
         self._decision = answer or self._decision
         took_s = time.perf_counter() - started
-        return PlayerState(state, self._decision, answer is not None, took_s, self._choice)
+        return PlayerState(state, self._decision, answer is not None, took_s, self._hits.choice)
 
     def _answer(self, state: ChainState) -> RacketDecision | None:
         if not state.is_new or state.prediction is None or self._is_late(state, np.inf):
@@ -161,31 +155,11 @@ class Player:
 
     def _place(self, state: ChainState, prediction: Prediction, controller: Controller) -> HitPlane | None:
         """Where the ball is hit: as chosen, or at the plane; there too where no stroke returns it."""
-        if self.hit == "paper" or not isinstance(controller, BuiltInController):
-            self._choice = None
+        model = controller.strokes() if self.hit == "chosen" and isinstance(controller, ChoosesHit) else None
+        if model is None:
+            self._hits.choice = None
             return prediction.hit_plane
-        before, kept_x_m = self._choice, self._kept_x_m
-        at_kept = None if kept_x_m is None else prediction.crossings([kept_x_m])[0]
-        if at_kept is not None and at_kept.t_s - prediction.t_us * 1e-6 < LAST_SWITCH_S:
-            return at_kept
-        fresh = before is not None and prediction.t_us - before.t_us < CHOOSE_AGAIN_US
-        if fresh and self._choice_stage == prediction.stage and (at_kept is not None or kept_x_m is None):
-            return at_kept or prediction.hit_plane
-        self._choice = choose_hit(
-            prediction,
-            controller.strokes(),
-            self._motion(state),
-            self.reach,
-            self._choice_config,
-            bounced_s=1e-6 * state.bounces_us[-1] if state.bounces_us else None,
-            kept_x_m=kept_x_m,
-        )
-        self._choice_stage = prediction.stage
-        chosen = self._choice.chosen
-        if chosen is None:  # the racket goes on as it was sent, or waits where the paper's would be
-            return at_kept or prediction.hit_plane
-        self._kept_x_m = float(chosen.hit.p_world_m[0])
-        return chosen.hit
+        return self._hits.place(prediction, model, lambda: self._motion(state), self.reach, state.bounces_us)
 
     def _motion(self, state: ChainState) -> FaceTrajectory:
         """The racket when a decision of now takes effect, on its way as the last one had it; at home without one."""
@@ -197,11 +171,18 @@ class Player:
         return self._racket.towards(target.t_s + self.lead_s, target.p_m, target.v_mps, now_s)
 
     def _informed_controller(self) -> Controller:
-        """The controller with what the chain has learnt of the air, if it computes flights and nobody told them."""
+        """The controller with what the chain has learnt of the air, if it computes flights and nobody told them.
+
+        Whether there is air the present flight says too: the first one shows it before its bounce.
+        """
         learned, controller = self.chain.learned, self.controller
-        if learned is None or not learned.balls or not isinstance(controller, BuiltInController):
+        if learned is None or not isinstance(controller, BuiltInController):
             return controller
-        if self._informed is None or self._informed[0] is not controller or self._informed[1] is not learned:
-            informed = controller.for_physics(learned_physics(learned, controller.task.physics))
-            self._informed = controller, learned, informed
-        return self._informed[2]
+        there = self.chain.air >= 0.5
+        if there and not learned.balls:
+            return controller
+        key = controller, learned, there
+        if self._informed is None or self._informed[0] != key:
+            physics = learned_physics(replace(learned, air=float(there)), controller.task.physics)
+            self._informed = key, controller.for_physics(physics)
+        return self._informed[1]

@@ -286,6 +286,10 @@ def draw_serve_batch(
         serves = draw_serves(speed_mps, count, config.task, rng)
         arrivals = fly_serves(serves, config.task)
         rackets_mps = np.full(count, config.task.stroke.racket_speed.at(speed_mps))
+    if config.hit == "chosen":
+        from core.learning.task.hit_places import arrivals_where_chosen  # late: the chain loads compiled loops
+
+        arrivals = arrivals_where_chosen(serves, arrivals, config)
     perceived = perceive(serves, arrivals, config, rng, racket_speeds_mps=rackets_mps)
     limit_deg = config.task.stroke.action_limit_deg
     errors_deg = config.actuator_bias_deg + config.actuator_error_deg * rng.standard_normal((count, 3))
@@ -318,6 +322,9 @@ def play(batch: ServeBatch, actions: Array, config: EnvironmentConfig) -> Outcom
     if config.engine == "mujoco":
         from core.simulation.episodes.mujoco_rally import simulate_episodes_mujoco
 
+        if strokes.aim_ps_m is None:  # where the balls of the batch are met, not always at the task's plane
+            arrivals = batch.arrivals
+            strokes = dataclasses.replace(strokes, aim_ps_m=arrivals.states[:, :3], aim_t_s=arrivals.t_s)
         return simulate_episodes_mujoco(batch.serves, strokes, config.task, dt_s=config.step_s)
     return return_balls(batch.arrivals, strokes, config.task)
 

@@ -22,7 +22,9 @@ Array = NDArray[np.float64]
 POINTS: Final = predictor_for("paper").observations
 
 
-def predict_serves(serves: Serves, arrivals: Arrivals, step_s: float, config: TaskConfig) -> tuple[Array, Array]:
+def predict_serves(
+    serves: Serves, arrivals: Arrivals, step_s: float, config: TaskConfig, hit_xs_m: Array | None = None
+) -> tuple[Array, Array]:
     """Predicted states (N, 6) at the hitting plane and times (N,) there; NaN with fewer than two observations.
 
     Args:
@@ -30,6 +32,7 @@ def predict_serves(serves: Serves, arrivals: Arrivals, step_s: float, config: Ta
         arrivals: of the same balls at the hitting plane.
         step_s: time between two observations.
         config: physics and hitting plane.
+        hit_xs_m: (N,) x of the place where each ball is met; None: the hitting plane.
     """
     first = np.floor(arrivals.bounce_t_s / step_s) + 1.0
     t_s: Array = (first[:, None] + np.arange(POINTS)) * step_s
@@ -40,7 +43,7 @@ def predict_serves(serves: Serves, arrivals: Arrivals, step_s: float, config: Ta
         t_s,
         ps_m,
         observed,
-        hit_x_m=config.stroke.hit_plane_x_m,
+        hit_x_m=config.stroke.hit_plane_x_m if hit_xs_m is None else hit_xs_m,
         restitution=table.restitution,
         tangential_factor=table.tangential_factor,
     )
@@ -98,16 +101,21 @@ def perceive(
             states = with_spin(states, spins + sigmas * rng.standard_normal((n, 3)), sigmas)
         return PerceivedArrivals(np.ones(n, np.bool_), states, aims_m, arrivals.t_s + late_s)
     if config.state_source == "timed":
-        found = observe_in_time(serves, arrivals, config, racket_speeds_mps, rng)
+        found = observe_in_time(serves, arrivals, config, racket_speeds_mps, rng, _places_x_m(arrivals, config))
         left_s = found.aim_t_s - found.decided_t_s
         states = with_spin(found.states, found.spins_radps, found.spin_sigmas_radps) if has_spin else found.states
         return PerceivedArrivals(found.seen, states, found.aim_ps_m, found.aim_t_s, left_s)
     if config.state_source == "predicted":
-        states, t_s = predict_serves(serves, arrivals, config.step_s, config.task)
+        states, t_s = predict_serves(serves, arrivals, config.step_s, config.task, _places_x_m(arrivals, config))
         seen = np.isfinite(t_s)
         return PerceivedArrivals(seen, np.nan_to_num(states), states[:, :3].copy(), t_s)
     nothing = np.zeros((n, STATE_SIZES[config.state]))
     return PerceivedArrivals(np.zeros(n, np.bool_), nothing, np.full((n, 3), np.nan), np.full(n, np.nan))
+
+
+def _places_x_m(arrivals: Arrivals, config: EnvironmentConfig) -> Array | None:
+    """(N,) x of the place where each ball is met; None: all at the hitting plane."""
+    return arrivals.states[:, 0] if config.hit == "chosen" else None
 
 
 def state_of(hit: HitPlane, kind: StateKind) -> Array:

@@ -163,6 +163,7 @@ def observe_in_time(
     config: EnvironmentConfig,
     racket_speeds_mps: ArrayLike,
     rng: np.random.Generator,
+    hit_xs_m: Array | None = None,
 ) -> StatesInTime:
     """Every ball up to its decision; the racket meets each at a speed of its own (N,), or all at one.
 
@@ -172,6 +173,7 @@ def observe_in_time(
         config: timing, predictor and task.
         racket_speeds_mps: (N,) or one, along +x.
         rng: source of random numbers.
+        hit_xs_m: (N,) x of the place where each ball is met; None: the hitting plane.
     """
     n = len(arrivals.t_s)
     rackets_mps = np.broadcast_to(np.asarray(racket_speeds_mps, np.float64), n)
@@ -196,7 +198,9 @@ def observe_in_time(
     predictor = make_predictor(config)
     q_wxyz = orientations_from_actions(np.zeros((1, 3)), config.task.stroke)[0]
     for i in range(n):
-        _watch(found, i, t_s, points_m[i], float(arrivals.t_s[i]), predictor, timing, q_wxyz, float(rackets_mps[i]))
+        x_m = None if hit_xs_m is None else float(hit_xs_m[i])
+        racket = FollowingRacket(q_wxyz, float(rackets_mps[i]))
+        _watch(found, i, t_s, points_m[i], float(arrivals.t_s[i]), predictor, timing, racket, x_m)
     return found
 
 
@@ -228,12 +232,11 @@ def _watch(
     arrives_s: float,
     predictor: Predictor,
     timing: TimingConfig,
-    q_wxyz: Array,
-    racket_speed_mps: float,
+    racket: FollowingRacket,
+    hit_x_m: float | None,
 ) -> None:
     """One ball, block by block, until the stroke is decided or the ball is past; fills in row i."""
     predictor.reset()
-    racket = FollowingRacket(q_wxyz, racket_speed_mps)
     block_s, k = 1e-3 * timing.block_ms, 0
     seen: HitPlane | None = None
     for block in range(1, 1 + int(arrives_s / block_s)):
@@ -244,8 +247,9 @@ def _watch(
         while k < len(t_s) and t_s[k] <= end_s:
             if np.isfinite(points_m[k, 0]):
                 prediction = predictor.add(round(1e6 * t_s[k]), points_m[k], COVARIANCE_M2)
-                if prediction is not None and prediction.hit_plane is not None:
-                    newest = prediction.hit_plane
+                if prediction is not None:
+                    met = prediction.hit_plane if hit_x_m is None else prediction.crossings([hit_x_m])[0]
+                    newest = met or newest
             k += 1
         if newest is not None:
             seen = newest

@@ -13,11 +13,13 @@ from typing import Final, Self
 
 import zmq
 
+from core.chain.control.hit_choice import RacketReach
 from core.errors import LinkError, NoAnswerError, NotReadyError, RefusedError
 from core.live.link import messages as m
 from core.live.link.guard import ClientKeys, HandshakeWatch, check_reach, secure, split_address
 from core.live.link.live_source import LinkListener, LinkListeners, SourceStatus
 from core.physics.config import PhysicsConfig
+from core.simulation.episodes.racket import RacketConfig
 
 logger = logging.getLogger(__name__)
 
@@ -96,6 +98,11 @@ class SimulationClient:
     def robot(self) -> Self | None:
         """The racket over there; None where the server says that it has none."""
         return self if self.welcome.robot else None
+
+    @property
+    def reach(self) -> RacketReach:
+        """Limits of the simulated racket."""
+        return RacketReach.of_config(RacketConfig())
 
     @property
     def status(self) -> SourceStatus:

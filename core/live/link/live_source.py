@@ -49,7 +49,7 @@ class Robot(Protocol):
 
 @runtime_checkable
 class LimitedRobot(Protocol):
-    """A robot that says how far and how fast it moves; of others the simulated racket's limits are taken."""
+    """A robot that says how far and how fast it moves; for others balls are met at the paper's plane only."""
 
     @property
     def reach(self) -> RacketReach | None:

@@ -23,6 +23,7 @@ from core.errors import ConfigError
 from core.learning.config import EnvironmentConfig, RewardConfig
 from core.learning.gym_environment import OneStepReturn
 from core.learning.task.environment import ServeBatch
+from core.learning.task.hit_places import HitPlaces
 from core.live.worlds.world import Block, ClassifiedBall, SimulatedWorld, WorldConfig
 from core.outcomes.perceived_backend import aim_racket, newest_prediction, with_prediction, without_prediction
 from core.physics.episode import Outcomes
@@ -82,6 +83,7 @@ class EventCameraBackend:
         predictor = dataclasses.replace(table, hit_x_m=task.stroke.hit_plane_x_m)
         ball = chain_for_physics(chain, task.physics).filter if knows_physics else chain.filter
         self._chain = RallyChain(cameras, dataclasses.replace(chain, predictor=predictor, filter=ball))
+        self._places = HitPlaces(environment)
         self._served_s = 0.0
         self._judged: ClassifiedBall | None = None
 
@@ -99,6 +101,7 @@ class EventCameraBackend:
         serves = batch.serves
         self._served_s = self.world.serve(serves.ps_m[0], serves.vs_mps[0], serves.spins_radps[0]).t_s
         self._chain.reset()
+        self._places.forget()
         self._judged = None
         seen: HitPlane | None = None
         while self._judged is None and self.world.now_us * 1e-6 < self._served_s + LONGEST_BALL_S:
@@ -134,11 +137,11 @@ class EventCameraBackend:
     def _watch(self, block: Block) -> HitPlane | None:
         """Process a block's events; returns the newest prediction."""
 
-        def note(state: ChainState) -> None:
+        def note(state: ChainState, place: HitPlane | None) -> None:
             if self._on_step is not None:
                 self._on_step(state, self._served_s)
 
-        return newest_prediction(self._chain, block, round(1000 * self._config.window_ms), note)
+        return newest_prediction(self._chain, block, round(1000 * self._config.window_ms), self._places, note)
 
     def _as_observed(self, batch: ServeBatch, seen: HitPlane) -> ServeBatch:
         return with_prediction(batch, seen, self._served_s, self._environment)

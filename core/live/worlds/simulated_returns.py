@@ -11,13 +11,13 @@ from __future__ import annotations
 import itertools
 import textwrap
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import IntEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from core.chain.config import HitRule
 from core.chain.control.controller import BuiltInController, ControllerConfig, RacketDecision
@@ -31,6 +31,7 @@ from core.chain.control.hit_choice import (
     RacketReach,
     choose_hit,
 )
+from core.chain.control.known_flight import KnownFlight, fly_to_planes
 from core.config import check_settings, setting
 from core.errors import ConfigError
 from core.extras import require_package
@@ -41,10 +42,9 @@ from core.physics.contact import HALF_LENGTH_M, HALF_WIDTH_M
 from core.physics.episode import Case, Serves
 from core.physics.task import TaskConfig
 from core.simulation.episodes.ball_outcome import BallOutcome, RallyClassifier
-from core.simulation.episodes.incoming import Incoming, IncomingBalls, fly_incoming
+from core.simulation.episodes.incoming import Incoming
 from core.simulation.episodes.racket import RacketConfig
 from core.text import markdown_table
-from core.trajectory.prediction import HitPlane, Stage, TablePoint
 
 if TYPE_CHECKING:
     from core.simulation.episodes.mujoco_rally import MujocoRally
@@ -118,7 +118,7 @@ def play_recorded_states(
     """Play each ball alone, from its launch to its outcome."""
     choice = HitChoiceConfig()
     xs_m = choice.xs_m if config.hit == "chosen" else np.array([config.task.stroke.hit_plane_x_m])
-    planes = [_fly_to(balls, float(x), config.task) for x in xs_m]
+    planes = fly_to_planes(balls, xs_m, config.task)
     incoming = np.min([plane.incoming for plane in planes], axis=0)  # PLAYABLE is the smallest: somewhere it is
     if config.hit == "chosen":
         at_plane = planes[int(np.flatnonzero(xs_m == PAPER_X_M)[0])].incoming
@@ -171,40 +171,6 @@ FATE_OF_REASON: Final = {
     TOO_SLOW: ReturnOutcome.NO_TIME,
 }
 """Outcome of a ball for which the choice found no hit; for other reasons there is no stroke."""
-
-
-def _fly_to(balls: Serves, x_m: float, task: TaskConfig) -> IncomingBalls:
-    return fly_incoming(balls, replace(task, stroke=replace(task.stroke, hit_plane_x_m=x_m)))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class KnownFlight:
-    """The true flight of one ball from its launch, as the choice of the hit takes a prediction."""
-
-    t_us: int
-    stage: Stage
-    bounces: tuple[TablePoint, ...]
-    """The one on the robot's half."""
-    hits: tuple[HitPlane | None, ...]
-    """The ball at the planes that it was flown to; None where it is not to be hit."""
-
-    @staticmethod
-    def of(planes: Sequence[IncomingBalls], i: int) -> KnownFlight:
-        """Ball `i` of those flown to several planes, playable at one of them."""
-        hits, bounces = [], ()
-        for plane in planes:
-            if plane.incoming[i] != Incoming.PLAYABLE:
-                hits.append(None)
-                continue
-            found, state, exact = plane.arrivals, plane.arrivals.states[i], np.zeros(3)
-            bounces = (TablePoint(float(found.bounce_t_s[i]), found.bounce_states[i, :3], exact),)
-            p, v, spin = state[:3], state[3:6], state[6:]
-            hits.append(HitPlane(float(found.t_s[i]), 0.0, p, exact, v, exact, np.zeros((6, 6)), "pre", spin, exact))
-        return KnownFlight(0, "pre", bounces, tuple(hits))
-
-    def crossings(self, xs_m: ArrayLike) -> tuple[HitPlane | None, ...]:
-        """The ball at the planes that it was flown to."""
-        return self.hits
 
 
 def _watch(rally: MujocoRally, judge: RallyClassifier) -> BallOutcome:

@@ -198,6 +198,24 @@ def test_spinning_serves_are_learned_with_the_spin_in_the_state_and_the_speed_ch
     assert row["recorded"] is False and row["balls"] == 5
 
 
+def test_a_run_keeps_where_its_balls_are_met_and_an_evaluation_may_ask_for_the_other(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = tmp_path / "run"
+    options = ["--agent", "landing-model", "--physics", "real", "--speeds", "3", "--episodes", "3", "--hit", "chosen"]
+    assert main(["train", *options, "--out", str(run)]) == 0
+    assert read_run(run).environment.hit == "chosen"
+    (line, *_), _ = read_lines(seed_files(run, 0).metrics)
+    assert len(line["state"]) == 6 and len(line["action"]) == 3  # type: ignore[arg-type]
+    rows = {}
+    for asked in ("trained", "chosen", "paper"):
+        capsys.readouterr()
+        extra = [] if asked == "trained" else ["--hit", asked]
+        assert main(["evaluate", str(run), "--balls", "8", "--json", *extra]) == 0
+        rows[asked] = json.loads(capsys.readouterr().out)
+    assert rows["trained"] == rows["chosen"] != rows["paper"]
+
+
 def test_a_checkpoint_that_does_not_fit_the_run_is_refused_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -9,8 +9,9 @@ from core.cameras import stereo_preset
 from core.data_sets.robot_recording import record_robot
 from core.errors import ConfigError
 from core.events import SensorSize
-from core.history.recorded_rally import EPISODES, RACKET, read_targets
+from core.history.recorded_rally import EPISODES, RACKET, read_choices, read_targets
 from core.live.worlds.world import WorldConfig
+from core.physics.task import task_profile
 from core.recordings import open_recording
 from core.recordings.reader import FileRecording
 from core.simulation import StereoConfig, scene_named
@@ -110,3 +111,15 @@ def test_two_players_need_no_robot(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="two players have the table"):
         record_robot(tmp_path / "a.h5", world, CAMERAS, [5.0], seed=1)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_robot_meets_slow_balls_where_they_can_be_met_and_the_recording_says_where(tmp_path: Path) -> None:
+    world = WorldConfig(task=task_profile("real"))
+    made = record_robot(tmp_path / "a.h5", world, CAMERAS, [3.0, 3.0], seed=3, hit="chosen")
+    with open_recording(made.path) as recording:
+        episodes, targets, choices = recording.read_rows(EPISODES), read_targets(recording), read_choices(recording)
+    assert episodes is not None and episodes["case"].tolist() == [4, 4] and len(choices) == 2
+    for choice, target in zip(choices, targets[1::2], strict=True):
+        assert choice.chosen is not None and len(choice.candidates) > 5
+        np.testing.assert_allclose(target.state[:3], choice.chosen.hit.p_world_m, atol=1e-6)
+        assert target.target.t_s == pytest.approx(choice.chosen.hit.t_s, abs=2e-6)

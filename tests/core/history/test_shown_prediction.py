@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -12,7 +13,7 @@ from core.chain.control.controller import BuiltInController, RacketDecision
 from core.chain.control.hit_choice import FaceTrajectory, HitChoice, HitChoiceConfig, RacketReach, choose_hit
 from core.chain.control.player import PlayerState
 from core.history.rally_history import RallyHistory
-from core.history.recorded_rally import met_ball
+from core.history.recorded_rally import choice_rows, met_ball, read_choices
 from core.history.shown_prediction import SAME_PLACE_M, meet_where_sent, shown_prediction
 from core.simulation.episodes.racket import RacketConfig, target_for_ball
 from core.table import BALL_RADIUS_M, GRAVITY_MPS2
@@ -47,7 +48,12 @@ def decided(choice: HitChoice) -> RacketDecision:
     return found
 
 
-def moment_of(prediction: Prediction, decision: RacketDecision | None, choice: HitChoice | None):
+def moment_of(
+    prediction: Prediction,
+    decision: RacketDecision | None,
+    choice: HitChoice | None,
+    recorded: Sequence[HitChoice] = (),
+):
     chain = SimpleNamespace(
         t_us=prediction.t_us,
         detections={},
@@ -59,6 +65,7 @@ def moment_of(prediction: Prediction, decision: RacketDecision | None, choice: H
         seconds=SimpleNamespace(total=0.0),
     )
     history = RallyHistory()
+    history.add_choices(recorded)
     history.add_step(PlayerState(chain, decision, True, 0.0, choice))  # type: ignore[arg-type]
     return history, history.at(prediction.t_us, {})
 
@@ -120,3 +127,24 @@ def test_the_ball_that_touches_a_face_is_the_inverse_of_the_face_for_a_ball() ->
     p, q = np.array([-1.2, 0.1, 0.3]), np.array([0.9, 0.1, -0.3, 0.2])
     q /= np.linalg.norm(q)
     np.testing.assert_allclose(met_ball(target_for_ball(p, q, np.zeros(3), 0.0).p_m, q), p, atol=1e-12)
+
+
+def test_a_recording_that_keeps_its_choices_shows_the_places_and_why_there_is_none() -> None:
+    prediction = predicted()
+    reach = replace(RacketReach.of_config(RacketConfig()), reach_m=0.01)
+    made = [chosen(prediction), replace(chosen(prediction, reach), t_us=prediction.t_us + 1)]
+    rows = [choice_rows(one, 0) for one in made]
+    assert rows[0] is not None and rows[1] is not None
+    both = {name: np.concatenate([rows[0][name], rows[1][name]]) for name in rows[0]}
+    first, second = read_choices(SimpleNamespace(read_rows=lambda group: both))
+    assert first.chosen is not None and made[0].chosen is not None
+    np.testing.assert_array_equal(first.chosen.hit.p_world_m, made[0].chosen.hit.p_world_m)
+    assert [one.why_not for one in first.candidates] == [one.why_not for one in made[0].candidates]
+    assert second.explanation == made[1].explanation != ""
+    _, shown = moment_of(prediction, decided(made[0]), None, [first])
+    _, live = moment_of(prediction, decided(made[0]), made[0])
+    np.testing.assert_array_equal(shown.picture.hit_places, live.picture.hit_places)
+    assert moment_of(prediction, None, None, [replace(second, t_us=0)])[1].picture.no_stroke == made[1].explanation
+    passed = replace(prediction, t_us=round(1e6 * made[0].candidates[-1].hit.t_s) + 1)
+    assert moment_of(passed, None, None, [second])[1].picture.no_stroke == "", "that was the ball before"
+    assert read_choices(SimpleNamespace(read_rows=lambda group: None)) == ()

@@ -25,6 +25,7 @@ from core.learning.task.environment import draw_serve_batch, play
 from core.learning.task.reward import episode_rewards, reward_weights
 from core.learning.vector_environment import VectorReturn
 from core.physics.episode import Case
+from core.physics.task import task_profile
 
 pytestmark = pytest.mark.numeric
 ROOT = Path(__file__).parents[3]
@@ -68,6 +69,16 @@ def test_a_chosen_racket_is_a_fourth_number_that_counts() -> None:
         landings.append(environment.step(np.array([0, 0, 0, speed], np.float32))[4]["landing_m"][0])
     assert landings[1] > landings[0] + 0.2, "a faster racket plays farther"
     assert gymnasium.make_vec(RETURN_ID, num_envs=3, racket="chosen").action_space.shape == (3, 4)
+
+
+def test_balls_are_met_where_they_are_chosen_to_be_in_both_kinds_of_environment() -> None:
+    task = EnvironmentConfig(task=task_profile("real"), state_source="truth")
+    environment = OneStepReturn(3.0, task, hit="chosen")
+    first = {round(float(environment.reset(seed=4 if k == 0 else None)[0][0]), 3) for k in range(12)}
+    assert len(first) > 1, "x of the place, which at the plane is always the same"
+    vector = VectorReturn(12, 3.0, task, hit="chosen")
+    assert len(set(vector.reset(seed=4)[0][:, 0].round(3).tolist())) > 1
+    assert OneStepReturn(3.0, task).environment.hit == "paper"
 
 
 def test_a_step_after_the_end_or_before_a_reset_is_refused() -> None:

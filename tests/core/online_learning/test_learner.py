@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from core.chain.control.controller import LiveController
-from core.chain.control.policy_controller import PolicyController
 from core.errors import ConfigError
 from core.learning.agents.policy import Policy
 from core.learning.config import EnvironmentConfig, default_run
+from core.learning.runs.policy_controller import PolicyController
 from core.learning.runs.run_files import create_run, load_checkpoint, load_policy, read_run, seed_files
 from core.learning.runs.running import run_training
 from core.learning.runs.training import Training

@@ -21,9 +21,9 @@ from core.chain.control.hit_choice import (
     HitChoiceConfig,
     choose_hit,
 )
+from core.chain.control.known_flight import KnownFlight
 from core.errors import LinkError
 from core.live.link.fields import read_fields, write_fields
-from core.live.worlds.simulated_returns import KnownFlight
 from core.robot.motion_check import FaceMotion, face_normal, find_fault, reach_of, turned_by
 from core.robot.robot_messages import RobotLimits
 from core.trajectory.prediction import HitPlane

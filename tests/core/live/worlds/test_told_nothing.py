@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from benchmarks.rally.closed_loop import ClosedLoop
@@ -69,6 +70,17 @@ def test_no_constant_of_the_world_is_expected_to_be_exactly_so(physics: PhysicsC
     expected = closed_loop(physics, knows_physics=False).player.controller.task.physics
     assert expected.air.drag_coefficient != air.drag_coefficient
     assert expected.table.restitution != table.restitution and expected.table.friction != table.friction
+
+
+def test_a_first_ball_shows_before_its_bounce_that_there_is_no_air() -> None:
+    loop = ClosedLoop(WorldConfig(), stereo_preset(), seed=91001, hit="chosen", point_sigma_m=0.0008)
+    try:
+        ball = loop.play(5.0)
+        goal_m = loop.player.controller.goal_m
+    finally:
+        loop.close()
+    off_m = np.linalg.norm(ball.judged.outcome.landing_m[:2] - goal_m)
+    assert ball.returned and off_m < 0.1, "with air it would land 0.27 m long"
 
 
 def test_what_the_chain_learns_reaches_the_controller_and_a_reset_takes_it_away() -> None:

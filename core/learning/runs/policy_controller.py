@@ -9,13 +9,15 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from core.chain.control.controller import RacketDecision
+from core.chain.control.controller import BuiltInController, RacketDecision
+from core.chain.control.hit_choice import StrokeModel
 from core.errors import ConfigError
 from core.learning.config import StateKind
 from core.learning.runs.run_files import load_policy, read_run
 from core.learning.task.environment import racket_speeds_of
 from core.physics import PhysicsConfig, TaskConfig
 from core.physics.rotation import base_orientation, orientations_from_actions
+from core.physics.task import HitRule
 from core.simulation.episodes.racket import target_for_ball
 from core.table import TABLE_LENGTH_M, TABLE_WIDTH_M
 from core.trajectory.prediction import Stage
@@ -48,7 +50,9 @@ class StrokePolicy(Protocol):
 class PolicyController:
     """As in the paper: the racket moves early with its base orientation, the policy turns it after the bounce."""
 
-    def __init__(self, policy: StrokePolicy, task: TaskConfig, goal_m: ArrayLike, name: str = "policy") -> None:
+    def __init__(
+        self, policy: StrokePolicy, task: TaskConfig, goal_m: ArrayLike, name: str = "policy", hit: HitRule = "paper"
+    ) -> None:
         """A controller of this policy; base orientation, action limit and hitting plane are those of `task`.
 
         Args:
@@ -56,16 +60,19 @@ class PolicyController:
             task: the task that it was trained for.
             goal_m: (2,) x, y of the wanted landing, m, world.
             name: what messages call it.
+            hit: where it was trained to meet balls.
 
         Raises:
             ConfigError: if the goal (2,) is not on the opponent's half.
         """
         self.policy, self.task, self.name = policy, task, name
+        self.hit: HitRule = hit
         goal = np.asarray(goal_m, np.float64)
         on_half = goal.shape == (2,) and 0 < goal[0] < TABLE_LENGTH_M / 2 and abs(goal[1]) < TABLE_WIDTH_M / 2
         if not on_half:
             raise ConfigError("not a goal", expected="x, y on the opponent's half", got=goal.tolist(), where="goal_m")
         self._goal = goal
+        self._model = BuiltInController(task).aimed_at(goal) if hit == "chosen" else None
 
     @property
     def goal_m(self) -> Array:
@@ -79,7 +86,14 @@ class PolicyController:
 
     def aimed_at(self, goal_m: ArrayLike) -> PolicyController:
         """The policy with another landing point."""
-        return PolicyController(self.policy, self.task, goal_m, self.name)
+        return PolicyController(self.policy, self.task, goal_m, self.name, self.hit)
+
+    def strokes(self) -> StrokeModel | None:
+        """How a ball could be hit at several places; None for a policy that was trained at the hitting plane only.
+
+        The places are judged by the built-in controller's strokes, as in the training.
+        """
+        return None if self._model is None else self._model.strokes()
 
     def for_physics(self, physics: PhysicsConfig) -> PolicyController:
         """Itself: the policy keeps the physics that it was trained with."""
@@ -163,4 +177,5 @@ def load_controller(
             where=run,
             remedy="take the run that it was trained in",
         )
-    return PolicyController(policy, config.environment.task, goal, name or run.name)
+    environment = config.environment
+    return PolicyController(policy, environment.task, goal, name or run.name, environment.hit)

@@ -7,15 +7,17 @@ import pytest
 
 from benchmarks.rally.closed_loop import ClosedLoop
 from core.cameras import stereo_preset
-from core.chain.control.policy_controller import PolicyController, load_controller
 from core.errors import ConfigError
 from core.learning import RunConfig, create_run
 from core.learning.agents.policy import Policy, save_policy
+from core.learning.config import EnvironmentConfig
+from core.learning.runs.policy_controller import PolicyController, load_controller
 from core.learning.runs.run_files import seed_files
 from core.live.worlds.world import WorldConfig
 from core.physics import TaskConfig, physics_profile
 from core.physics.episode import strokes_from_actions
 from core.physics.rotation import base_orientation
+from core.physics.task import HIT_RULES, task_profile
 
 pytestmark = pytest.mark.numeric
 FACE_UP_DEG = -4.0
@@ -124,3 +126,22 @@ def test_a_policy_of_another_kind_than_its_run_is_refused(tmp_path: Path) -> Non
     save_policy(spin_policy(), seed_files(tmp_path / "run", 0).policy)
     with pytest.raises(ConfigError, match="other states than its run has"):
         load_controller(tmp_path / "run")
+
+
+def test_a_policy_that_was_trained_where_the_hit_is_chosen_plays_so_and_others_at_the_plane(tmp_path: Path) -> None:
+    task = task_profile("real")
+    found = {}
+    for hit in HIT_RULES:
+        run = tmp_path / hit
+        create_run(run, RunConfig(environment=EnvironmentConfig(task=task, state_source="truth", hit=hit)))
+        save_policy(constant(FACE_UP_DEG), seed_files(run, 0).policy)
+        controller = load_controller(run).aimed_at((0.8, 0.0))
+        assert (controller.strokes() is not None) == (hit == "chosen")
+        world = WorldConfig(task=task)
+        loop = ClosedLoop(world, stereo_preset(), seed=5, controller=controller, hit="chosen", point_sigma_m=0.0008)
+        try:
+            found[hit] = loop.play(3.0)
+        finally:
+            loop.close()
+    assert found["paper"].choice is None and found["chosen"].choice is not None
+    assert found["paper"].decisions[-1].state[0] == pytest.approx(-1.42, abs=1e-6)
