@@ -38,6 +38,7 @@ from core.learning.config import (
 from core.learning.evaluation.reachable import reachable_words
 from core.learning.registered_agents import AgentName
 from core.learning.rewards import RewardConfig, RewardKind
+from core.learning.runs.named_runs import NAMED_RUNS, PresetName
 from core.learning.runs.run_files import create_run, read_run, seed_files
 from core.learning.task.environment import ball_state_files
 from core.physics.config import Profile
@@ -55,6 +56,10 @@ class NewRunArguments:
     """What describes a new run, and so cannot stand beside --resume."""
 
     config: Path | None = flag("a config.toml; other options change it", "FILE")
+    preset: PresetName | None = flag(
+        "a named run: the paper's, or ours for placing alone, without the paper's rules. Other options change it, but"
+        " for --agent and --config"
+    )
     agent: AgentName | None = setting_flag(
         RunConfig, "agent", what="learning algorithm; the defaults below are those of ddpg, the paper's"
     )
@@ -156,7 +161,7 @@ def _engine(arguments: TrainArguments) -> JobBackend:
 
 def requested_run(arguments: NewRunArguments) -> RunConfig:
     """The run that the options describe."""
-    config = load_config(RunConfig, arguments.config) if arguments.config else default_run(arguments.agent or "ddpg")
+    config = _begun_with(arguments)
     environment, outcomes = config.environment, arguments.outcomes or config.environment.outcomes
     source = "events" if arguments.outcomes == "events" else environment.state_source
     balls, state = arguments.balls or "serves", arguments.state or environment.state
@@ -194,6 +199,20 @@ def requested_run(arguments: NewRunArguments) -> RunConfig:
         curriculum=_curriculum(_one_stage(config.curriculum) if recorded else config.curriculum, arguments),
         **given({"agent": arguments.agent, "seeds": arguments.seeds, "first_seed": arguments.first_seed}),
     )
+
+
+def _begun_with(arguments: NewRunArguments) -> RunConfig:
+    """The run that the other options change: a file's, a named one, or the agent's default.
+
+    Raises:
+        CommandError: if a preset, which has an agent and every setting, stands beside an agent or a file.
+    """
+    if arguments.preset is not None:
+        for name, other in (("agent", arguments.agent), ("config", arguments.config)):
+            if other is not None:
+                raise CommandError("a preset is a whole run", got=f"--{name}", remedy="leave out one of the two")
+        return NAMED_RUNS[arguments.preset]
+    return load_config(RunConfig, arguments.config) if arguments.config else default_run(arguments.agent or "ddpg")
 
 
 def _recorded(balls: str) -> str:

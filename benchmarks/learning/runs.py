@@ -84,8 +84,11 @@ class SeedResult:
 
 COUNTED: Final = "missed balls count 2740 mm"
 """Results that were counted otherwise are others."""
-LATER: Final = {"state": "plain", "recorded": "", "spin_noise_radps": 10.0, "racket": "table"}
-"""Settings of the environment that came later: with these values results are, and are called, what they were before."""
+LATER: Final = {
+    "environment": {"state": "plain", "recorded": "", "spin_noise_radps": 10.0, "racket": "table"},
+    "ddpg": {"rewards": "stored", "final_rate": 1.0},
+}
+"""Settings that came later, by section: with these values results are, and are called, what they were before."""
 Results = defaultdict[str, list[SeedResult]]
 """The seeds of every training, by its name; none of one that was not trained."""
 
@@ -172,9 +175,12 @@ def fingerprint(config: RunConfig) -> str:
     if config.environment.recorded:
         data = b"".join(path.read_bytes() for path in ball_state_files(config.environment.recorded))
         environment["recorded"] = hashlib.sha256(data).hexdigest()
-    for name, default in LATER.items():
-        if environment[name] == default:
-            del environment[name]
+    for section, defaults in LATER.items():
+        settings = mapping[section]
+        assert isinstance(settings, dict)
+        for name, default in defaults.items():
+            if settings[name] == default:
+                del settings[name]
     text = COUNTED + tomli_w.dumps(mapping)
     return hashlib.sha256(text.encode()).hexdigest()[:10]
 

@@ -234,6 +234,11 @@ class DdpgConfig:
     """Two critics, the lower one counts for the actor: not in the paper."""
     relabels: int = setting(0, 0, 16)
     """Extra copies of each batch with another goal and its recomputed reward: not in the paper."""
+    rewards: Literal["stored", "current"] = "stored"
+    """Rewards that the critic learns: as they were stored, or (ours) recomputed with the present weights, since CDTA
+    gives the same stroke another reward at every episode."""
+    final_rate: float = setting(1.0, 0.001, 1.0)
+    """Share of both rates that is left at the end of a stage, approached exponentially; 1 is the paper's agent."""
 
     def __post_init__(self) -> None:
         check_settings(self)

@@ -37,7 +37,7 @@ from core.learning.agents.networks import (
     soft_update,
 )
 from core.learning.agents.policy import Policy
-from core.learning.agents.replay import ReplayBuffer
+from core.learning.agents.replay import Floats, ReplayBuffer
 from core.learning.config import RunConfig
 from core.learning.task.environment import draw_goals, racket_table
 from core.learning.task.normalise import STATE_SIZES, normal_observations
@@ -87,6 +87,9 @@ class DdpgAgent:
         losses = Losses(math.nan, math.nan)
         if len(buffer) < self._config.first_update:
             return losses
+        rate_share = self._config.final_rate**progress.share
+        self._actor_optimizer.param_groups[0]["lr"] = self._config.actor_rate * rate_share
+        self._critic_optimizer.param_groups[0]["lr"] = self._config.critic_rate * rate_share
         for _ in range(self._config.updates_per_episode):
             batch = self._sample(buffer, progress.weights, rng)
             losses = Losses(self._update_critics(batch), self._update_actor(batch))
@@ -122,25 +125,32 @@ class DdpgAgent:
         """Uniformly drawn transitions, and with `relabels` copies of them with new goals and the rewards for these."""
         rows = buffer.sample(self._config.batch, rng)
         goals, rewards = buffer.column("goal")[rows], buffer.column("reward")[rows]
+        if self._config.rewards == "current":
+            rewards = self._rewards_for(buffer, rows, goals, weights)
         if self._config.relabels:
             again = np.tile(rows, self._config.relabels)
             new_goals = draw_goals(len(again), self._run.environment.goal, rng).astype(np.float32)
-            new_rewards = rewards_of(
-                buffer.column("case")[again, 0].astype(np.int8),
-                buffer.column("next_state")[again, :2].astype(np.float64),
-                buffer.column("net_z")[again, 0].astype(np.float64),
-                new_goals.astype(np.float64),
-                weights,
-                self._run.reward,
-            )
+            new_rewards = self._rewards_for(buffer, again, new_goals, weights)
             rows, goals = np.concatenate([rows, again]), np.concatenate([goals, new_goals])
-            rewards = np.concatenate([rewards, new_rewards[:, None].astype(np.float32)])
+            rewards = np.concatenate([rewards, new_rewards])
         return Batch(
             torch.tensor(normal_observations(buffer.column("state")[rows], goals)),
             torch.tensor(buffer.column("action")[rows]),
             torch.tensor(rewards),
             torch.tensor(normal_observations(buffer.column("next_state")[rows], goals)),
         )
+
+    def _rewards_for(self, buffer: ReplayBuffer, rows: NDArray[np.intp], goals: Floats, weights: Weights) -> Floats:
+        """Rewards (B, 1) of the strokes in rows (B,) for goals (B, 2), by weights other than those of their time."""
+        rewards = rewards_of(
+            buffer.column("case")[rows, 0].astype(np.int8),
+            buffer.column("next_state")[rows, :2].astype(np.float64),
+            buffer.column("net_z")[rows, 0].astype(np.float64),
+            goals.astype(np.float64),
+            weights,
+            self._run.reward,
+        )
+        return rewards[:, None].astype(np.float32)
 
     def policy(self) -> Policy:
         """The actor by itself."""

@@ -17,6 +17,7 @@ from core.cameras import Camera, stereo_preset
 from core.config import save_config
 from core.events import SensorSize
 from core.learning.config import EnvironmentConfig, default_run
+from core.learning.runs.named_runs import NAMED_RUNS
 from core.learning.runs.run_files import load_policy, read_lines, read_run, seed_files
 from core.learning.task.environment import BALLS, draw_serve_batch
 from core.live.link.guard import ServerKeys, make_keys, read_server_keys
@@ -69,6 +70,14 @@ def test_a_run_in_mujoco_is_evaluated_there_and_in_closed_form(
     assert here != closed, "other arithmetic: a flag without effect would give the same digits"
 
 
+def test_a_preset_is_trained_as_other_options_change_it(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    assert main(["train", "--preset", "placing", "--episodes", "2", "--out", str(run)]) == 0
+    placing = NAMED_RUNS["placing"]
+    stages = dataclasses.replace(placing.curriculum, episodes=(2,))
+    assert read_run(run) == dataclasses.replace(placing, curriculum=stages)
+
+
 @pytest.mark.parametrize(
     ("options", "told"),
     [
@@ -91,6 +100,9 @@ def test_a_run_in_mujoco_is_evaluated_there_and_in_closed_form(
         (["--state", "spin", "--state-source", "predicted"], "tell no spin"),
         (["--balls", "nowhere.json"], "no recorded balls"),
         (["--racket", "chosen"], "an agent of three angles"),
+        (["--preset", "fast"], "invalid choice"),
+        (["--preset", "placing", "--agent", "td3"], "a preset is a whole run"),
+        (["--preset", "placing", "--config", "nowhere.toml"], "a preset is a whole run"),
     ],
 )
 def test_a_bad_argument_gets_one_clear_line(

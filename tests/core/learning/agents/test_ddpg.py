@@ -13,6 +13,7 @@ from core.learning.agents.replay import COLUMNS, ReplayBuffer
 from core.learning.config import DdpgConfig, RunConfig
 from core.learning.task.normalise import normal_observations
 from core.learning.task.reward import Weights
+from core.physics.episode import Case
 
 pytestmark = pytest.mark.numeric
 PROGRESS = StageProgress(0, 0.0, Weights(1.0, 0.0))
@@ -178,3 +179,25 @@ def test_nothing_is_learned_before_the_buffer_holds_enough() -> None:
     assert np.isnan(losses.critic) and np.isnan(losses.actor)
     for name, array in agent.to_arrays().items():
         np.testing.assert_array_equal(array, before[name])
+
+
+def test_rewards_are_those_stored_or_those_that_the_present_weights_give() -> None:
+    buffer = ReplayBuffer(1)
+    row = {name: np.zeros(width) for name, width in COLUMNS.items()}
+    # Returned 0.25 m from its target, in an episode when only returning counted.
+    landed = {"next_state": np.array([0.7, 0.1, 0, 0, 0, 0]), "goal": np.array([0.7, 0.35])}
+    buffer.add(row | landed | {"case": np.array([float(Case.RETURNED)]), "reward": np.array([1.0])})
+    now, rng = Weights(0.5, 0.5), np.random.default_rng(0)
+    assert agent_of()._sample(buffer, now, rng).rewards.unique().tolist() == [1.0]
+    # 0.5 l_base + 0.5 (l_base + l_scale (1 - 0.25)) = 0.5 + 0.5 (1 + 3 * 0.75)
+    again = agent_of(rewards="current")._sample(buffer, now, rng).rewards.unique()
+    torch.testing.assert_close(again, torch.tensor([2.125]))
+
+
+@pytest.mark.parametrize(("final", "left"), [(1.0, 1.0), (0.04, 0.2)])
+def test_both_rates_fall_exponentially_to_their_final_share(final: float, left: float) -> None:
+    agent = agent_of(final_rate=final, actor_rate=1e-3, critic_rate=2e-3)
+    halfway = StageProgress(50, 0.5, Weights(0.0, 1.0))
+    agent.learn(filled_buffer(), halfway, np.random.default_rng(0))
+    rates = [one.param_groups[0]["lr"] for one in (agent._actor_optimizer, agent._critic_optimizer)]
+    assert rates == pytest.approx([1e-3 * left, 2e-3 * left])

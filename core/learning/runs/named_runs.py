@@ -1,0 +1,37 @@
+"""Runs with a name: the paper's agent, and one of ours that is the same DDPG without the paper's rules.
+
+How far they land from the target is measured by `python -m benchmarks.learning.ablation`.
+"""
+
+from __future__ import annotations
+
+from typing import Final, Literal
+
+from core.learning.config import (
+    CurriculumConfig,
+    DdpgConfig,
+    EnvironmentConfig,
+    ExplorationConfig,
+    RewardConfig,
+    RunConfig,
+    default_run,
+)
+
+
+def _placing() -> RunConfig:
+    """Without the paper's rules: 5 m/s only, true states, placing counts from the first ball, each has four targets."""
+    return RunConfig(
+        environment=EnvironmentConfig(state_source="truth"),
+        reward=RewardConfig(kind="case", case_weight=0.0),
+        exploration=ExplorationConfig(random_episodes=32),
+        curriculum=CurriculumConfig(speeds_mps=(5.0,), episodes=(1700,), replay="retain"),
+        ddpg=DdpgConfig(batch=32, relabels=3, actor_rate=1e-3, critic_rate=2e-3, final_rate=0.1),
+    )
+
+
+PresetName = Literal["paper", "placing"]
+NAMED_RUNS: Final[dict[PresetName, RunConfig]] = {
+    "paper": default_run("ddpg"),
+    "placing": _placing(),
+}
+"""Every named run."""
