@@ -16,11 +16,14 @@ def open_backend(config: RunConfig, source: str | None, keys: Path | None = None
     """The backend that a run needs, until the block ends; None for the closed-form simulator.
 
     Raises:
-        CommandError: if there are keys and no source that could ask for them.
+        CommandError: if there are keys and no source that could ask for them, or a source that cannot play balls of
+            differing worlds.
         LinkError: if there is no server at `source`, it does not take `keys`, or it cannot give what the run asks for.
     """
     if source is None and keys is not None:
         raise CommandError("keys without a source", expected="--source tcp://HOST:PORT", where="--keys")
+    if source is not None and (names := config.environment.randomise.names):
+        raise CommandError("a server plays in one world", got=", ".join(names), remedy="leave out --randomise")
     if config.environment.outcomes == "events":
         backend = _perceived_backend(config, source, keys)
     elif source is not None:

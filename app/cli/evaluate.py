@@ -6,18 +6,19 @@ import dataclasses
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
-from app.cli.arguments import PositiveInt, flag, positional, setting_flag
+from app.cli.arguments import PositiveInt, flag, given, positional, setting_flag
 from app.cli.episode_backends import open_backend
 from app.cli.progress import progress_bar
+from app.cli.randomise_argument import RANDOMISE_HELP, RANDOMISE_METAVAR, RandomisedNames, randomised
 from app.cli.terminal import format_table, say
 from core.chain.config import HIT_RULES, HitRule
 from core.errors import CommandError
 from core.extras import require_package
-from core.learning.config import SimulatorName
+from core.learning.config import EnvironmentConfig, SimulatorName
 from core.learning.evaluation.reachable import reachable_words
 from core.learning.runs.run_files import read_run
 from core.learning.runs.summary import evaluate_run
@@ -108,6 +109,10 @@ class EvaluateArguments:
     simulator: SimulatorName | None = flag(
         "what plays serves and strokes: closed form, or MuJoCo as in the live rally", default="the run's"
     )
+    randomise: RandomisedNames | None = flag(RANDOMISE_HELP, RANDOMISE_METAVAR, "the run's")
+    racket: Literal["table", "uncertain"] | None = flag(
+        "a racket that does as it is told, or one whose angles and speed are off", default="the run's"
+    )
     recorded: BallStatesArguments
 
 
@@ -122,22 +127,37 @@ def run(arguments: EvaluateArguments) -> None:
         raise CommandError("nothing to evaluate", expected="a RUN, or --ball-states FILE, one of them")
 
 
+ELSEWHERE = ("simulator", "randomise", "racket")
+"""Flags that evaluate a policy in another world than it was trained in."""
+
+
+def _asked_environment(environment: EnvironmentConfig, arguments: EvaluateArguments) -> EnvironmentConfig:
+    """The run's environment with what the flags change.
+
+    Raises:
+        CommandError: if the policy chooses the racket's speed and the flags give it another rule.
+    """
+    if arguments.racket is not None and environment.racket == "chosen":
+        raise CommandError("the policy chooses the racket's speed", got="--racket", remedy="leave it out")
+    return dataclasses.replace(
+        environment,
+        randomise=randomised(environment.randomise, arguments.randomise),
+        **given({"engine": arguments.simulator, "racket": arguments.racket, "hit": arguments.recorded.hit}),
+    )
+
+
 def _evaluate(folder: Path, arguments: EvaluateArguments) -> None:
     which, config = "best" if arguments.best else "last", read_run(folder)
-    environment = config.environment
-    if arguments.simulator is not None:
-        environment = dataclasses.replace(environment, engine=arguments.simulator)
-    environment = dataclasses.replace(environment, hit=arguments.recorded.hit or environment.hit)
+    environment = _asked_environment(config.environment, arguments)
     config = dataclasses.replace(config, environment=dataclasses.replace(config.environment, hit=environment.hit))
     if environment.engine == "mujoco":
         require_package("mujoco", "--simulator mujoco")
     with open_backend(config, None) as backend:
         if backend is None:
             rows = evaluate_run(folder, balls=arguments.balls, which=which, environment=environment)
-        elif arguments.simulator is not None:
-            raise CommandError(
-                "balls before cameras are played where they are seen", got="--simulator", remedy="leave it out"
-            )
+        elif elsewhere := given({name: getattr(arguments, name) for name in ELSEWHERE}):
+            names = ", ".join(f"--{name}" for name in elsewhere)
+            raise CommandError("balls before cameras are played where they are seen", got=names, remedy="leave it out")
         else:
             with progress_bar("Playing before the cameras") as progress:
                 rows = evaluate_run(

@@ -14,6 +14,7 @@ from app.cli.constants import CONSTANTS_HELP, given_constants
 from app.cli.ending import end_event
 from app.cli.episode_backends import open_backend
 from app.cli.progress import progress_bar
+from app.cli.randomise_argument import RANDOMISE_HELP, RANDOMISE_METAVAR, RandomisedNames, randomised
 from app.cli.terminal import say
 from core.config import load_config
 from core.errors import CommandError
@@ -76,11 +77,15 @@ class NewRunArguments:
         EnvironmentConfig, "state", what="what the policy sees of a ball: p_c and v_c, or also spin and its uncertainty"
     )
     racket: RacketSpeedRule | None = setting_flag(
-        EnvironmentConfig, "racket", what="racket speed: derived from the ball's, or chosen per ball (landing-model)"
+        EnvironmentConfig,
+        "racket",
+        what="racket speed: derived from the ball's, or chosen per ball (landing-model); `uncertain`: derived, with"
+        " angles and speed off by what is drawn for each ball",
     )
     hit: HitRule | None = setting_flag(
         EnvironmentConfig, "hit", what="where balls are met: always at the plane, or chosen along the flight"
     )
+    randomise: RandomisedNames | None = flag(RANDOMISE_HELP, RANDOMISE_METAVAR, "none")
     balls: str | None = flag(
         "drawn serves; the same with spin, up to 100 rad/s about each axis; or recorded ball states, a file or a folder"
         " of them, of which a fifth is kept for the evaluation (the last two: physics `real` unless told otherwise)",
@@ -192,6 +197,7 @@ def requested_run(arguments: NewRunArguments) -> RunConfig:
             racket=arguments.racket or config.environment.racket,
             hit=arguments.hit or config.environment.hit,
             engine=arguments.simulator or config.environment.engine,
+            randomise=randomised(config.environment.randomise, arguments.randomise, constants),
         ),
         evaluation_balls=before_cameras if few else config.evaluation_balls,
         landing_model=dataclasses.replace(config.landing_model, **given({"head": arguments.head})),

@@ -20,6 +20,7 @@ from core.history.rally_picture import LandingSpot, Pose, RallyPicture
 from core.learning.agents.policy import Policy
 from core.learning.config import EnvironmentConfig
 from core.learning.runs.run_files import read_lines, seed_files
+from core.learning.task.drawn_worlds import HIGHEST, LOWEST, with_constants
 from core.learning.task.environment import racket_speeds_of
 from core.learning.task.normalise import STATE_SIZES
 from core.physics.episode import Case, Outcomes, Serves, Strokes, strokes_from_actions
@@ -199,6 +200,10 @@ class Ball:
     speed_mps: float
     noise: float
     is_random: bool
+    constants: Array | None = None
+    """(5,) of a world that differs from ball to ball, `drawn_worlds.CONSTANTS`."""
+    racket_errors: Array | None = None
+    """(4,) what an uncertain racket added to the action's angles and to its speed, m/s."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -252,14 +257,23 @@ def ball_of_line(line: dict[str, object]) -> Ball | None:
             speed_mps=float(line["speed_mps"]),  # type: ignore[arg-type]
             noise=float(line["noise"]) if isinstance(line.get("noise"), (int, float)) else math.nan,  # type: ignore[arg-type]
             is_random=bool(line.get("random")),
+            constants=np.clip(_vector(line["constants"], len(LOWEST)), LOWEST, HIGHEST)
+            if "constants" in line
+            else None,
+            racket_errors=_vector(line["racket_errors"], 4) if "racket_errors" in line else None,
         )
     except (KeyError, TypeError, ValueError, ConfigError):
         return None
 
 
+def _constants(values: object) -> Array:
+    """Constants of a ball's world, cut off at their bounds: a damaged line may hold anything."""
+    return np.clip(_vector(values, len(LOWEST)), LOWEST, HIGHEST)
+
+
 def replay_ball(ball: Ball, environment: EnvironmentConfig, policy: Policy | None, title: str) -> Replay:
     """Replay of a ball with its recorded action, or with a policy's action without noise."""
-    task = environment.task
+    task = environment.task if ball.constants is None else with_constants(environment.task, ball.constants)
     serves = Serves(ball.serve[None, :3], ball.serve[None, 3:6], ball.serve[None, 6:])
     action = ball.action
     if policy is not None and ball.state is not None:
@@ -282,9 +296,12 @@ def replay_ball(ball: Ball, environment: EnvironmentConfig, policy: Policy | Non
 
 def _strokes(ball: Ball, action: Array, environment: EnvironmentConfig) -> Strokes:
     aimed = ball.aim_m is not None and ball.aim_t_s is not None
+    angles, speed_mps = action[None, :3], racket_speeds_of(action[None], np.array([ball.racket_speed_mps]))
+    if ball.racket_errors is not None:
+        angles, speed_mps = np.clip(angles, -1, 1) + ball.racket_errors[:3], speed_mps + ball.racket_errors[3]
     return strokes_from_actions(
-        action[None, :3],
-        racket_speeds_of(action[None], np.array([ball.racket_speed_mps])),
+        angles,
+        speed_mps,
         environment.task.stroke,
         aim_ps_m=ball.aim_m[None] if aimed and ball.aim_m is not None else None,
         aim_t_s=np.array([ball.aim_t_s]) if aimed else None,

@@ -34,6 +34,7 @@ from core.files import read_json, write_json
 from core.jobs import Jobs, TaskControl, TasksStoppedError
 from core.learning.config import RunConfig, default_run
 from core.learning.evaluation.policy_evaluator import PolicyEvaluator, PolicyScore, score_played
+from core.learning.randomisation import RandomisationConfig
 from core.learning.runs.run_files import create_run, load_policy, read_lines, seed_files
 from core.learning.runs.running import run_training
 from core.learning.runs.summary import spread_of
@@ -85,7 +86,13 @@ class SeedResult:
 COUNTED: Final = "missed balls count 2740 mm"
 """Results that were counted otherwise are others."""
 LATER: Final = {
-    "environment": {"state": "plain", "recorded": "", "spin_noise_radps": 10.0, "racket": "table"},
+    "environment": {
+        "state": "plain",
+        "recorded": "",
+        "spin_noise_radps": 10.0,
+        "racket": "table",
+        "randomise": config_to_mapping(RandomisationConfig()),
+    },
     "ddpg": {"rewards": "stored", "final_rate": 1.0},
 }
 """Settings that came later, by section: with these values results are, and are called, what they were before."""

@@ -11,6 +11,7 @@ from typing import Final, Literal
 
 from core.config import Sections, check_settings, choice, normal_sections, open_sections, setting
 from core.errors import ConfigError
+from core.learning.randomisation import RandomisationConfig
 from core.learning.registered_agents import AGENTS, AgentName, agent_section
 from core.learning.rewards import RewardConfig
 from core.physics.config import Profile
@@ -20,7 +21,7 @@ from core.physics.task import HitRule, TaskConfig, hard_serves, task_profile
 StateSource = Literal["predicted", "truth", "truth+noise", "timed", "events"]
 StateKind = Literal["plain", "spin"]
 SimulatorName = Literal["closed-form", "mujoco"]
-RacketSpeedRule = Literal["table", "chosen"]
+RacketSpeedRule = Literal["table", "chosen", "uncertain"]
 OutcomeSource = Literal["told", "events"]
 CHOSEN_MPS: Final = (0.0, 4.5)
 """Range of racket speeds along +x that a policy can choose; the built-in controller's is -2.5 to 4.5."""
@@ -100,8 +101,9 @@ class EnvironmentConfig:
     """Where balls are met: at the task's plane as in the paper, or where each can best be met along its flight, as in
     the live rally. Place and time then follow from the flight; the action is the orientation as before."""
     racket: RacketSpeedRule = "table"
-    """Speed of the racket towards a ball: by the task's table for the ball's speed, as in the paper's task, or
-    chosen for every ball as a fourth part of the action."""
+    """Speed of the racket towards a ball: by the task's table for the ball's speed, as in the paper's task; chosen for
+    every ball as a fourth part of the action; or the table's with a racket that does not quite do as it is told
+    (`uncertain`)."""
     spin_noise_radps: float = setting(10.0, 0.0, 200.0)
     """Spin noise of `truth+noise` with the state `spin`: each ball's standard deviation per axis is drawn up to twice
     this."""
@@ -117,6 +119,8 @@ class EnvironmentConfig:
     """Which simulator plays the strokes; both give the same outcomes."""
     step_s: float = setting(0.01, 0.0005, 0.05)
     """Time step of the simulation (paper: 10 ms in training): the grid of the observations, and MuJoCo's step."""
+    randomise: RandomisationConfig = field(default_factory=RandomisationConfig)
+    """What differs from ball to ball, unknown to the learner."""
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -145,6 +149,16 @@ class EnvironmentConfig:
                 got=f"{self.state_source}, outcomes {self.outcomes}",
                 where="recorded",
             )
+        names = ", ".join(self.randomise.names)
+        if names and self.state_source == "events":
+            remedy = "take another state source, or leave it out"
+            raise ConfigError("cameras see one world", got=names, where="randomise", remedy=remedy)
+        if self.hit == "chosen" and (self.randomise.physics or self.randomise.calibration):
+            remedy = 'leave them out, or `hit = "paper"`'  # both are drawn for balls that come to the plane
+            raise ConfigError("balls are met at the plane where these differ", got=names, where="hit", remedy=remedy)
+        if self.recorded and self.randomise.physics:
+            expected = "latency, rubber, calibration"
+            raise ConfigError("recorded balls come as they flew", expected=expected, got=names, where="randomise")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -323,11 +337,11 @@ class RunConfig:
         if self.environment.racket == "chosen" and not AGENTS[self.agent].chooses_racket_speed:
             can = ", ".join(name for name, one in AGENTS.items() if one.chooses_racket_speed)
             raise ConfigError("an agent of three angles", expected=can, got=self.agent, where='racket = "chosen"')
-        plain = self.environment.racket == "table" and self.environment.state == "plain"
+        plain = self.environment.racket != "chosen" and self.environment.state == "plain"
         if self.agent == "landing-model" and self.landing_model.head in WITHOUT_NETWORKS and not plain:
             raise ConfigError(
                 f"the head {self.landing_model.head} knows no spin and chooses no racket speed",
-                expected='racket = "table" and state = "plain"',
+                expected='a racket that is not chosen, and state = "plain"',
                 got=f"{self.environment.racket}, {self.environment.state}",
                 where="landing_model.head",
                 remedy="take another head",

@@ -13,7 +13,7 @@ from app.scene.prediction import CASE_NAMES, CASE_RGB
 from app.shared.trainer import RunPhase, RunState
 from app.shared.training_records import Replay, number
 from app.theme import hex_colour
-from core.learning.config import CurriculumConfig, RunConfig
+from core.learning.config import CurriculumConfig, EnvironmentConfig, RunConfig
 from core.physics.episode import Case
 
 COLOURS: Final[dict[RunPhase, str]] = {
@@ -84,7 +84,13 @@ def plan_text(run: RunState) -> str:
     if config.environment.recorded:
         stages = f"{config.episodes} recorded balls"
     seeds = "" if config.seeds == 1 else f", {config.seeds} seeds"
-    return f"{config.agent}, {config.reward.kind} reward, {stages}{seeds}"
+    return f"{config.agent}, {config.reward.kind} reward, {stages}{seeds}{_differing_text(config.environment)}"
+
+
+def _differing_text(environment: EnvironmentConfig) -> str:
+    """What differs from ball to ball, as the end of a line; empty where nothing does."""
+    names = [*environment.randomise.names, *(["racket"] if environment.racket == "uncertain" else [])]
+    return f"; another with every ball: {', '.join(names)}" if names else ""
 
 
 def _progress_text(run: RunState, details: Details) -> str:

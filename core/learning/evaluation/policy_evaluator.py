@@ -142,6 +142,10 @@ def episode_line(
     }
     if batch.aim_ps_m is not None and batch.aim_t_s is not None:
         line["aim_m"], line["aim_t_s"] = _plains(batch.aim_ps_m[0]), _plain(batch.aim_t_s[0])
+    if batch.constants is not None:
+        line["constants"] = _plains(batch.constants[0])
+    if batch.speed_errors_mps is not None:
+        line["racket_errors"] = [*_plains(batch.action_errors[0]), _plain(batch.speed_errors_mps[0])]
     if kept is not None:
         line["kept"], line["dropped"] = kept.kept, kept.dropped
         if kept.cases:

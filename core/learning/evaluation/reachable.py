@@ -13,6 +13,7 @@ import numpy as np
 
 from core.errors import RallyscopeError
 from core.learning.config import CHOSEN_MPS, EnvironmentConfig
+from core.learning.randomisation import RandomisationConfig
 from core.learning.task.environment import play, validation_balls
 
 BALLS: Final = 64
@@ -55,15 +56,22 @@ class Reachable:
 def reachable(environment: EnvironmentConfig, speed_mps: float, balls: int = BALLS) -> Reachable:
     """The share of balls of a speed for which a stroke on a grid within the bounds comes back; a lower bound.
 
-    The balls are such as policies are chosen by, known exactly, and the racket is there in time.
+    The balls are such as policies are chosen by, known exactly, in the usual world, and the racket is there in time.
 
     Raises:
         ConfigError: if there are no balls of this speed.
         RecordingError: if recorded balls cannot be read.
     """
-    known = dataclasses.replace(environment, state_source="truth", outcomes="told", engine="closed-form")
-    drawn = validation_balls(speed_mps, balls, known)
     chooses = environment.racket == "chosen"
+    known = dataclasses.replace(
+        environment,
+        state_source="truth",
+        outcomes="told",
+        engine="closed-form",
+        randomise=RandomisationConfig(),
+        racket="chosen" if chooses else "table",
+    )
+    drawn = validation_balls(speed_mps, balls, known)
     speeds = np.linspace(-1, 1, SPEEDS) if chooses else np.zeros(1)
     sides = np.linspace(-1, 1, TILTS), np.linspace(-1, 1, TURNS), speeds
     strokes = np.array([(0.0, b, c, v) for b in sides[0] for c in sides[1] for v in sides[2]])[:, : 4 if chooses else 3]

@@ -24,7 +24,15 @@ from numpy.typing import NDArray
 
 from core.errors import AgentError, ConfigError
 from core.learning.config import CHOSEN_MPS, EnvironmentConfig, GoalConfig, RunConfig
-from core.learning.task.perception import perceive
+from core.learning.task.drawn_worlds import (
+    draw_constants,
+    draw_differing_serves,
+    equal_rows,
+    join_rows,
+    select_arrivals,
+    with_constants,
+)
+from core.learning.task.perception import misjudge, perceive
 from core.learning.task.timed_points import turned_share
 from core.physics.ball_states import join_serves, read_ball_states
 from core.physics.episode import Arrivals, Outcomes, Serves, Strokes, strokes_from_actions
@@ -175,11 +183,6 @@ def ball_state_files(place: str) -> tuple[Path, ...]:
     return found
 
 
-def select_arrivals(a: Arrivals, which: slice | NDArray[np.bool_] | NDArray[np.intp]) -> Arrivals:
-    """Some of the arrivals."""
-    return Arrivals(a.legal[which], a.bounce_t_s[which], a.bounce_states[which], a.t_s[which], a.states[which])
-
-
 def part_of_flights(count: int, block: int = BLOCK) -> NDArray[np.int8]:
     """(N,) the place in PARTS of each flight of a file."""
     blocks = -(-count // block)
@@ -236,6 +239,10 @@ class ServeBatch:
     """(N, 3) what the actuator adds, in units of the action."""
     turn_s: Array | None = None
     """(N,) time left for the racket to turn after the decision, s; None: unlimited."""
+    constants: Array | None = None
+    """(N, 5) of each ball's world, `drawn_worlds.CONSTANTS`; None: those of the task."""
+    speed_errors_mps: Array | None = None
+    """(N,) what an uncertain racket adds to its speed; None: nothing."""
 
     def __len__(self) -> int:
         return len(self.states)
@@ -253,6 +260,8 @@ class ServeBatch:
             self.goals_m[which],
             self.action_errors[which],
             None if self.turn_s is None else self.turn_s[which],
+            None if self.constants is None else self.constants[which],
+            None if self.speed_errors_mps is None else self.speed_errors_mps[which],
         )
 
 
@@ -275,6 +284,9 @@ def draw_serve_batch(
         ConfigError: if there are no serves of this speed, or no recorded balls.
         RecordingError: if recorded balls cannot be read.
     """
+    # A stream of its own: targets, and serves where the air is the same, are those of the usual world.
+    own_rng = rng.spawn(1)[0]
+    constants = draw_constants(count, config.task.physics, config.randomise, own_rng)
     if config.recorded:
         found = recorded_balls(config.recorded, part, config.task)
         known = len(found.serves)
@@ -282,6 +294,7 @@ def draw_serve_batch(
         which = rng.integers(0, known, count) if part == "training" else rng.permutation(known)[:count]
         serves, arrivals, count = found.serves[which], select_arrivals(found.arrivals, which), len(which)
         rackets_mps = racket_speeds(arrivals, config.task)
+        constants = None if constants is None else constants[:count]
     else:
         serves = draw_serves(speed_mps, count, config.task, rng)
         arrivals = fly_serves(serves, config.task)
@@ -290,9 +303,16 @@ def draw_serve_batch(
         from core.learning.task.hit_places import arrivals_where_chosen  # late: the chain loads compiled loops
 
         arrivals = arrivals_where_chosen(serves, arrivals, config)
-    perceived = perceive(serves, arrivals, config, rng, racket_speeds_mps=rackets_mps)
+    if constants is not None and config.randomise.physics:
+        serves, arrivals = draw_differing_serves(speed_mps, constants, config.task, own_rng)
+    perceived = perceive(serves, arrivals, config, rng, racket_speeds_mps=rackets_mps, constants=constants)
+    perceived = misjudge(perceived, arrivals, config, own_rng)
     limit_deg = config.task.stroke.action_limit_deg
     errors_deg = config.actuator_bias_deg + config.actuator_error_deg * rng.standard_normal((count, 3))
+    speed_errors_mps = None
+    if config.racket == "uncertain":
+        errors_deg += config.randomise.racket_deg * own_rng.uniform(-1, 1, (count, 3))
+        speed_errors_mps = config.randomise.racket_mps * own_rng.uniform(-1, 1, count)
     return ServeBatch(
         speed_mps,
         serves,
@@ -305,6 +325,8 @@ def draw_serve_batch(
         draw_goals(count, config.goal, rng),
         errors_deg / limit_deg,
         perceived.turn_s,
+        constants,
+        speed_errors_mps,
     )
 
 
@@ -317,7 +339,15 @@ def draw_goals(count: int, config: GoalConfig, rng: np.random.Generator) -> Arra
 
 
 def play(batch: ServeBatch, actions: Array, config: EnvironmentConfig) -> Outcomes:
-    """Outcomes of actions (N, 3) in [-1, 1], one per ball; rows are independent."""
+    """Outcomes of actions (N, 3) in [-1, 1], one per ball, each in its own world; rows are independent."""
+    if batch.constants is None or not len(batch):
+        return _play_in(config.task, batch, actions, config)
+    own = [(rows, with_constants(config.task, batch.constants[rows.start])) for rows in equal_rows(batch.constants)]
+    return join_rows([_play_in(task, batch[rows], actions[rows], config) for rows, task in own])
+
+
+def _play_in(task: TaskConfig, batch: ServeBatch, actions: Array, config: EnvironmentConfig) -> Outcomes:
+    """Outcomes of actions in one world."""
     strokes = strokes_of(batch, actions, config)
     if config.engine == "mujoco":
         from core.simulation.episodes.mujoco_rally import simulate_episodes_mujoco
@@ -325,8 +355,8 @@ def play(batch: ServeBatch, actions: Array, config: EnvironmentConfig) -> Outcom
         if strokes.aim_ps_m is None:  # where the balls of the batch are met, not always at the task's plane
             arrivals = batch.arrivals
             strokes = dataclasses.replace(strokes, aim_ps_m=arrivals.states[:, :3], aim_t_s=arrivals.t_s)
-        return simulate_episodes_mujoco(batch.serves, strokes, config.task, dt_s=config.step_s)
-    return return_balls(batch.arrivals, strokes, config.task)
+        return simulate_episodes_mujoco(batch.serves, strokes, task, dt_s=config.step_s)
+    return return_balls(batch.arrivals, strokes, task)
 
 
 def check_actions(actions: NDArray[np.floating], size: int, who: str, episode: int = 0) -> Array:
@@ -383,9 +413,10 @@ def strokes_of(batch: ServeBatch, actions: Array, config: EnvironmentConfig) -> 
     if batch.turn_s is not None:
         angles_rad = np.radians(config.task.stroke.action_limit_deg) * real
         real = real * turned_share(angles_rad, np.nan_to_num(batch.turn_s))[:, None]
+    speeds_mps = racket_speeds_of(actions, batch.racket_speeds_mps)
     return strokes_from_actions(
         real,
-        racket_speeds_of(actions, batch.racket_speeds_mps),
+        speeds_mps if batch.speed_errors_mps is None else speeds_mps + batch.speed_errors_mps,
         config.task.stroke,
         aim_ps_m=batch.aim_ps_m,
         aim_t_s=batch.aim_t_s,

@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from core.errors import ConfigError
 from core.learning.config import EnvironmentConfig, TimingConfig
+from core.learning.task.drawn_worlds import sample_differing_serves
 from core.physics.episode import Arrivals, Serves, orientations_from_actions
-from core.simulation.episodes.closed_form import sample_serves
 from core.simulation.episodes.racket import (
     RacketConfig,
     RacketTarget,
@@ -164,6 +164,7 @@ def observe_in_time(
     racket_speeds_mps: ArrayLike,
     rng: np.random.Generator,
     hit_xs_m: Array | None = None,
+    constants: Array | None = None,
 ) -> StatesInTime:
     """Every ball up to its decision; the racket meets each at a speed of its own (N,), or all at one.
 
@@ -174,6 +175,7 @@ def observe_in_time(
         racket_speeds_mps: (N,) or one, along +x.
         rng: source of random numbers.
         hit_xs_m: (N,) x of the place where each ball is met; None: the hitting plane.
+        constants: (N, 5) of each ball's world, which the predictor does not know; None: those of the task.
     """
     n = len(arrivals.t_s)
     rackets_mps = np.broadcast_to(np.asarray(racket_speeds_mps, np.float64), n)
@@ -182,7 +184,8 @@ def observe_in_time(
     first_s, window_s = 1e-3 * timing.first_seen_ms, 1e-3 * timing.window_ms
     t_s = first_s + window_s * np.arange(max(0, int((latest_s - first_s) / window_s)), dtype=np.float64)
     until_s = np.broadcast_to(t_s, (n, len(t_s)))
-    truth_m = sample_serves(serves, arrivals, np.minimum(until_s, arrivals.t_s[:, None]), config.task)
+    flown_s = np.minimum(until_s, arrivals.t_s[:, None])
+    truth_m = sample_differing_serves(serves, arrivals, flown_s, config.task, constants)
     errors_m = timing.error_scale * MEASURED.draw(t_s, truth_m, arrivals.bounce_t_s, rng)
     # No points before the cameras see the ball.
     points_m = np.where(truth_m[..., :1] < timing.seen_from_x_m, truth_m + errors_m, np.nan)

@@ -18,7 +18,7 @@ from core.config import save_config
 from core.events import SensorSize
 from core.learning.config import EnvironmentConfig, default_run
 from core.learning.runs.named_runs import NAMED_RUNS
-from core.learning.runs.run_files import load_policy, read_lines, read_run, seed_files
+from core.learning.runs.run_files import create_run, load_policy, read_lines, read_run, seed_files
 from core.learning.task.environment import BALLS, draw_serve_batch
 from core.live.link.guard import ServerKeys, make_keys, read_server_keys
 from core.live.link.server import ServerConfig, SimulationServer
@@ -78,6 +78,36 @@ def test_a_preset_is_trained_as_other_options_change_it(tmp_path: Path) -> None:
     assert read_run(run) == dataclasses.replace(placing, curriculum=stages)
 
 
+def test_a_policy_is_trained_and_evaluated_where_the_world_differs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run, file = str(tmp_path / "run"), tmp_path / "few.toml"
+    save_config(dataclasses.replace(default_run("landing-model"), evaluation_balls=10), file)
+    options = ["--config", str(file), "--speeds", "5", "--episodes", "12", "--out", run]
+    assert main(["train", *options, "--randomise", "physics, calibration", "--racket", "uncertain"]) == 0
+    environment = read_run(Path(run)).environment
+    assert environment.randomise.names == ("physics", "calibration") and environment.racket == "uncertain"
+    line = read_lines(seed_files(Path(run), 0).metrics)[0][0]
+    assert len(line["constants"]) == 5 and len(line["racket_errors"]) == 4  # type: ignore[arg-type]
+    errors = []
+    home = ["--randomise", "none", "--racket", "table"]
+    for asked in ([], ["--randomise", "physics,calibration", "--racket", "uncertain"], home, ["--randomise", "rubber"]):
+        capsys.readouterr()
+        assert main(["evaluate", run, "--json", *asked]) == 0
+        errors.append(json.loads(capsys.readouterr().out)[0]["error_mm"]["mean"])
+    assert errors[0] == errors[1] and len(set(errors)) == 3
+
+
+def test_a_policy_that_chooses_the_speed_is_not_evaluated_with_another_racket(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = default_run("landing-model")
+    environment = dataclasses.replace(config.environment, racket="chosen")
+    create_run(tmp_path / "run", dataclasses.replace(config, environment=environment))
+    assert main(["evaluate", str(tmp_path / "run"), "--racket", "uncertain"]) == 2
+    assert "the policy chooses the racket's speed" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("options", "told"),
     [
@@ -103,6 +133,9 @@ def test_a_preset_is_trained_as_other_options_change_it(tmp_path: Path) -> None:
         (["--preset", "fast"], "invalid choice"),
         (["--preset", "placing", "--agent", "td3"], "a preset is a whole run"),
         (["--preset", "placing", "--config", "nowhere.toml"], "a preset is a whole run"),
+        (["--randomise", "physics,wind"], "some of physics, latency, rubber, calibration with commas between, or none"),
+        (["--randomise", "rubber", "--state-source", "events"], "cameras see one world"),
+        (["--randomise", "rubber", "--source", "tcp://127.0.0.1:9"], "a server plays in one world"),
     ],
 )
 def test_a_bad_argument_gets_one_clear_line(

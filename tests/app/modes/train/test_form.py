@@ -70,7 +70,13 @@ def test_what_the_form_shows_of_a_preset_means_that_preset(preset: Preset) -> No
 
 @pytest.mark.parametrize(
     ("path", "value"),
-    [(("ddpg", "tau"), 0.5), (("exploration", "random_episodes"), 3.0), (("reward", "simple_accuracy"), True)],
+    [
+        (("ddpg", "tau"), 0.5),
+        (("exploration", "random_episodes"), 3.0),
+        (("reward", "simple_accuracy"), True),
+        (("environment", "randomise", "latency"), True),
+        (("environment", "racket"), "uncertain"),
+    ],
 )
 def test_a_setting_that_most_leave_alone_reaches_the_run(path, value) -> None:
     run = run_of_form(default_run("ddpg"), {path: value})

@@ -7,7 +7,13 @@ import pytest
 
 from app.shared.training_records import LONGEST_S, ball_of_line, replay_ball
 from app.shared.workspace import Workspace
+from core.learning.agents.agent import Losses
+from core.learning.config import EnvironmentConfig
+from core.learning.evaluation.policy_evaluator import episode_line
+from core.learning.randomisation import RandomisationConfig
 from core.learning.runs.run_files import load_policy, read_lines, read_run, seed_files
+from core.learning.task.environment import draw_serve_batch, play
+from core.learning.task.reward import Weights
 from core.physics.episode import Case
 from core.table import BALL_RADIUS_M
 
@@ -35,6 +41,25 @@ def test_a_returned_ball_comes_down_where_the_record_says(lines, environment) ->
     landing = [event for event in replay.path.events if event.kind == "bounce"][1]
     assert landing.state[:2] == pytest.approx(line["landing_m"], abs=1e-4)
     assert landing.t_s < replay.duration_s <= LONGEST_S + 1
+
+
+def test_a_ball_of_a_world_of_its_own_is_played_again_in_that_world() -> None:
+    randomise = RandomisationConfig(physics=True, latency=True, rubber=True, calibration=True)
+    environment = EnvironmentConfig(state_source="truth", racket="uncertain", randomise=randomise)
+    for n in range(3):
+        ball = draw_serve_batch(5.0, 1, environment, np.random.default_rng(n))
+        action = np.array([0.0, 0.1, -0.2])
+        line = episode_line(
+            episode=n, stage=0, stage_episode=n, batch=ball, action=action, noise=0.1, is_random=False,
+            outcome=play(ball, action[None], environment), reward=0.0, weights=Weights(1.0, 0.0), buffer=0, kept=None,
+            losses=Losses(math.nan, math.nan),
+        )  # fmt: skip
+        replay = replay_ball(ball_of_line(line), environment, None, "")
+        assert replay.case == line["case"] and replay.error_mm == pytest.approx(line["error_mm"], abs=0.05)
+        usual = replay_ball(ball_of_line({**line, "constants": [0.0, 0.9, 0.15, 0.78, 0.0]}), environment, None, "")
+        assert usual.error_mm != pytest.approx(line["error_mm"], abs=0.5)
+        damaged = ball_of_line({**line, "constants": [9.0, -9.0, 9.0, 0.5, 0.5]})
+        replay_ball(damaged, environment, None, "")  # its constants are cut off at their bounds
 
 
 def test_the_racket_touches_the_ball_at_the_impact(lines, environment) -> None:

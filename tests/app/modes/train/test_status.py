@@ -21,6 +21,7 @@ from app.shared.trainer import Ended, RunState, Trainer, judge_run
 from app.shared.training_records import MetricsStore
 from app.shared.workspace import Workspace
 from core.learning.config import CurriculumConfig
+from core.learning.randomisation import RandomisationConfig
 from core.learning.runs.run_files import RunStatus, create_run, hold_run, read_lines, seed_files, write_status
 from core.physics.episode import Case
 from tests.app.modes.train.conftest import train_here
@@ -43,7 +44,12 @@ def test_before_the_first_training_a_newcomer_is_told_what_to_do() -> None:
 
 
 def test_a_plan_is_said_in_one_line() -> None:
-    assert plan_text(STATE) == "landing-model, cdta reward, 10 at 3 m/s, 20 at 5 m/s, 2 seeds"
+    plain = "landing-model, cdta reward, 10 at 3 m/s, 20 at 5 m/s, 2 seeds"
+    assert plan_text(STATE) == plain
+    randomise = RandomisationConfig(latency=True, rubber=True)
+    environment = dataclasses.replace(CONFIG.environment, randomise=randomise, racket="uncertain")
+    state = dataclasses.replace(STATE, config=dataclasses.replace(CONFIG, environment=environment))
+    assert plan_text(state) == f"{plain}; another with every ball: latency, rubber, racket"
 
 
 def test_a_finished_run_sums_up_what_was_learned(tmp_path: Path) -> None:
