@@ -64,8 +64,8 @@ def time_down_to(arcs: Arcs, z_m: float) -> Array:
     return arcs.t_s + (arcs.vs_mps[:, 2] + rate) / GRAVITY_MPS2
 
 
-def time_back_to(arcs: Arcs, x_m: float) -> Array:
-    """(N,) when each ball crosses x towards the robot; nan for balls that do not fly towards it."""
+def time_back_to(arcs: Arcs, x_m: float | Array) -> Array:
+    """(N,) when each ball crosses x, one or (N,), towards the robot; nan for balls that do not fly towards it."""
     vx = arcs.vs_mps[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(vx < 0, arcs.t_s + (x_m - arcs.ps_m[:, 0]) / vx, np.nan)
