@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -9,9 +10,9 @@ import numpy as np
 import pytest
 
 from app.cli import main
-from app.cli.train import NewRunArguments, requested_run
 from core.cameras import Camera
 from core.events import Events, SensorSize
+from core.learning.config import default_run
 from core.learning.task.environment import draw_serve_batch
 from core.physics.ball_states import read_ball_states
 from core.recordings import PixelTruth, RecordingWriter, Triggers
@@ -113,7 +114,7 @@ def test_selected_flights_become_a_file_that_a_training_draws_from(tmp_path, cap
     assert main(["info", str(run), "--balls", "--where", "kind=flight number=1..12", "--to", str(file)]) == 0
     serves = read_ball_states(file)
     assert f"{len(serves)} launches" in capsys.readouterr().out
-    config = requested_run(NewRunArguments(balls=str(file), physics="paper")).environment
+    config = dataclasses.replace(default_run("ddpg").environment, state_source="truth", recorded=str(file))
     drawn = draw_serve_batch(5.0, 20, config, np.random.default_rng(0))
     assert {row.tobytes() for row in drawn.serves.states()} <= {row.tobytes() for row in serves.states()}
 
