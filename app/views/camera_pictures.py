@@ -59,7 +59,8 @@ def with_frames(step: RallyStep, seen: Mapping[str, FrameSighting]) -> RallyStep
     """The step with what was found in the newest pictures: each stands for longer than a step, until the next one."""
     circles = {name: circle for name, circle in step.circles.items() if name not in seen}
     circles |= {name: one.circle for name, one in seen.items() if one.circle is not None}
-    used = (step.used - seen.keys()) | {name for name, one in seen.items() if one.used}
+    used = frozenset(name for name in step.used if name not in seen)
+    used |= {name for name, one in seen.items() if one.used}
     return replace(step, circles=circles, used=used)
 
 

@@ -101,6 +101,11 @@ def test_a_step_is_shown_with_what_the_newest_pictures_say(rig_with_frames) -> N
     assert step is not None and step.circles == {} and step.used == frozenset()
     shown = with_frames(step, frame_sightings(history, rig_with_frames.frames, 20_000))
     assert shown.circles == {"far_left": circle} and shown.used == {"far_left"}
+    requests = [
+        CameraPicturesRequest(rig_with_frames, 0, RenderSettings(), {}, False, one.used) for one in (shown, step)
+    ]
+    assert len({request.key for request in requests}) == 2, "pictures are kept by what they show"
+    assert with_frames(step, {}).used == step.used and hash(with_frames(step, {}).used)
 
 
 def test_a_picture_stands_behind_the_event_cameras_in_its_own_colours_with_its_circle(rig_with_frames) -> None:
