@@ -91,7 +91,10 @@ def _names(serials: list[str]) -> Sequence[str]:
     """What cameras without a calibration are called: three or more by their serial numbers."""
     if len(serials) <= 2:
         return PAIR if len(serials) == 2 else ("camera",)
-    return [re.sub(r"[^A-Za-z0-9_-]", "-", serial) for serial in serials]
+    names = [re.sub(r"[^A-Za-z0-9_-]", "-", serial) for serial in serials]
+    if len(set(names)) == len(names):
+        return names
+    return [f"{name}-{number}" for number, name in enumerate(names, 1)]  # they differ in what no name may hold
 
 
 def open_cameras(order: CameraOrder, *, raw: bool = False) -> dict[str, DriverCamera]:

@@ -33,7 +33,7 @@ from core.events import Window
 
 VIEWS: Final = (RAW, "search", "candidates", "edge points", "fit", "track", RESULT)
 """The stages, as on their buttons."""
-TITLES: Final = ("from", "points", "radius", "px/ms", "residual", "coverage", "inside", "fill", "outliers")
+TITLES: Final = ("from", "points", "radius [px]", "px/ms", "residual [px]", "coverage", "inside", "fill", "outliers")
 NOT_SEARCHED: Final = "not searched: a ball is tracked"
 TRAIL_MS: Final = 10.0
 """A track is drawn with the way that it goes in this time."""

@@ -11,6 +11,7 @@ import urllib.request
 import pytest
 
 from app.cli import main
+from app.cli.event_cameras import CameraArguments, read_camera_order
 from core.cameras import save_calibration, stereo_preset
 from core.events import SensorSize
 from tests.app.cli.printed_address import address_in
@@ -20,6 +21,7 @@ STARTED = """
 import sys
 from pathlib import Path
 from app.cli import main
+from app.cli.event_cameras import CameraArguments, read_camera_order
 from core.devices import neuromorphic
 from tests.core.devices.replayed_hardware import Replayed, ReplayedLibrary
 from core.recordings import open_recording
@@ -74,3 +76,16 @@ def test_mistakes_are_one_line(tmp_path, capsys, words, line) -> None:
     assert main(["serve", *(files.get(word, word) for word in words), "--data", str(tmp_path), "--port", "0"]) == 2
     said = capsys.readouterr().err
     assert line in said and len(said.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("source", "names"),
+    [
+        ("camera:A.1,B,C", ("A-1", "B", "C")),
+        ("camera:A.1,A:1,B", ("A-1-1", "A-1-2", "B-3")),
+        ("camera:A.1,A:1", ("left", "right")),
+    ],
+)
+def test_every_camera_has_a_name_of_its_own_whatever_its_serial_number_holds(source, names) -> None:
+    order = read_camera_order(source, CameraArguments(calibration=None, biases=None, sync_cable=False))
+    assert order is not None and tuple(order.serials) == names
