@@ -1,4 +1,4 @@
-"""What the selected balls are used as: moments to label, launches to train on, a data set."""
+"""What the selected balls are used as: moments to label, or launches to train on."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class BallSelectionPanel:
         self._index: BallIndex | None = None
         self._rows: NDArray[np.int64] = np.zeros(0, np.int64)
         self._job: LoopJob[str] = LoopJob(host.later, host.report, self._show_running)
-        self._name = gui.add_text("Name", "balls", hint="Of the file or the data set that is written", visible=False)
+        self._name = gui.add_text("Name", "balls", hint="Of the file that is written", visible=False)
         hint = "To label: key K in Label goes there first. Training: a file for `rallyscope train --balls`"
         self._uses = gui.add_button_group("Use these as", (TO_LABEL, TRAINING), hint=hint, visible=False)
         self._stop = gui.add_button("Stop writing", icon=viser.Icon.X, visible=False)
