@@ -287,7 +287,7 @@ def test_a_drag_gives_centre_and_radius(labelling) -> None:
     labelling.page.mouse.move(*start)
     labelling.page.mouse.down()
     labelling.page.mouse.move(*end, steps=8)
-    eventually(lambda: mode._ring, "the ring that is drawn")
+    eventually(lambda: mode._pointer.ring, "the ring that is drawn")
     labelling.window.session.later(lambda: mode._search._found((100.0, 100.0)))  # nor under a hand that draws
     labelling.page.wait_for_timeout(300)
     labelling.window.screenshot("label-drag")
