@@ -22,6 +22,7 @@ from benchmarks.learning.runs import (
     missing_seeds,
     pair_by_seed,
     paired_difference,
+    seeds_in_turn,
     shown,
     train_missing,
     values_at_end,
@@ -146,12 +147,10 @@ def run(rows: Sequence[Experiment], folder: Path, report: Path, only: Sequence[s
         if name not in names:
             raise ConfigError("no such row", expected=", ".join(names), got=name, where="only")
     wanted = [one for one in rows if not only or one.name in only]
-    for k in range(max(one.config.seeds for one in rows)):
-        missing = missing_seeds([(one, one.config.first_seed + k) for one in wanted], folder)
-        for piece in missing:
-            with open_jobs(ALONE, 1) as jobs:
-                train_missing(jobs, [piece], folder, lambda share: None)
-            write_report(report, rows, load_results(rows, folder))
+    for piece in missing_seeds(seeds_in_turn(wanted), folder):
+        with open_jobs(ALONE, 1) as jobs:
+            train_missing(jobs, [piece], folder, lambda share: None)
+        write_report(report, rows, load_results(rows, folder))
     return load_results(rows, folder)
 
 

@@ -27,6 +27,7 @@ from benchmarks.learning.runs import (
     pair_by_seed,
     paired_difference,
     seeds_as_text,
+    seeds_in_turn,
     shown,
     train_missing,
 )
@@ -88,9 +89,7 @@ def trainings(first_seed: int, seeds: int, episodes: int, balls: int) -> tuple[E
 
 def run(folder: Path, experiments: Sequence[Experiment]) -> Results:
     """Train what is missing, a seed of every experiment before the next seed, and load all."""
-    config = experiments[0].config
-    seeds = range(config.first_seed, config.first_seed + config.seeds)
-    pieces = missing_seeds([(one, seed) for seed in seeds for one in experiments], folder)
+    pieces = missing_seeds(seeds_in_turn(experiments), folder)
     with open_jobs(ALONE, len(pieces)) as jobs:
         train_missing(jobs, pieces, folder, lambda share: None)
     return load_results(experiments, folder)

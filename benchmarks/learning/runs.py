@@ -100,6 +100,12 @@ Results = defaultdict[str, list[SeedResult]]
 """The seeds of every training, by its name; none of one that was not trained."""
 
 
+def seeds_in_turn(experiments: Sequence[Experiment]) -> list[tuple[Experiment, int]]:
+    """Every seed of every experiment: the first of each, then the second; what is stopped early can be paired so."""
+    turns = range(max(one.config.seeds for one in experiments))
+    return [(one, one.config.first_seed + turn) for turn in turns for one in experiments if turn < one.config.seeds]
+
+
 def missing_seeds(wanted: Sequence[tuple[Experiment, int]], folder: Path) -> list[tuple[Experiment, int]]:
     """Those that are not in the folder already."""
     return [(experiment, seed) for experiment, seed in wanted if not _path(experiment, folder, seed).exists()]
