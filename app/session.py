@@ -138,11 +138,11 @@ class Session:
         self._lessons = Lessons(self.page, self, self._lesson_facts)
         self.page.listen("drawing", self._pace.hear)
         self._opening = OpeningMoment(lambda: self.note(*SLOW_MOTION, "blue")) if self.page.is_new else None
-        self._bar = TimeBar(self.page, self.send)
+        self._bar = TimeBar(self.page, self.apply)
         self.page.listen("size", self.plane.window_resized)
         self.page.listen("picture", self.plane.picture_resized)
         self.page.listen("lower", self.plane.panel_resized)
-        self.page.listen("enlarge", lambda message: self.send(EnlargePicture(message.get("camera"))))
+        self.page.listen("enlarge", lambda message: self.apply(EnlargePicture(message.get("camera"))))
         self.page.listen("hand", lambda _: self.world.touched())
         self.page.listen("visible", self._see_page)
         self.plane.tell = self.page.send
@@ -153,6 +153,13 @@ class Session:
         """Enqueue a command."""
         self._pace.hurry()
         self._enqueue(command)
+
+    def apply(self, command: Command) -> None:
+        """Apply a command at once, before what is enqueued; in the loop."""
+        if self._state is not None:
+            self._state = command.apply(self._state, time.monotonic())
+            self._pace.hurry()
+            self._wake()
 
     def later(self, act: Callable[[], None]) -> None:
         """Run `act` in the loop."""

@@ -48,6 +48,8 @@ class LabelStoreRegistry:
     ) -> LabelStore:
         """The store of a layer, opened for writing on first use; what a session undoes is its own.
 
+        One that it has looked at stays open beside it: labels are read from that one by time, until these are taken up.
+
         Raises:
             LabelError: if it cannot be opened.
         """
@@ -57,8 +59,6 @@ class LabelStoreRegistry:
                 self._written[key] = LabelStore.open(
                     self._folder, recording_uuid, camera, annotator, blind=blind, tool=self._tool, session=session
                 )
-                if key in self._looked_at:
-                    self._looked_at.pop(key).close()
             return self._written[key]
 
     def layers(self, recording_uuid: str) -> tuple[Layer, ...]:

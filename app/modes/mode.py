@@ -75,6 +75,10 @@ class ModeHost(Protocol):
         """Enqueue a change of the state; from any thread."""
         ...
 
+    def apply(self, command: Command) -> None:
+        """Change the state at once, before what is enqueued; in the loop."""
+        ...
+
     def open_recording(self, name: str) -> None:
         """Open another recording of the library; from any thread."""
         ...

@@ -243,9 +243,10 @@ class BarPage(Protocol):
 class TimeBar:
     """The time bar of one browser. All methods are called in the loop."""
 
-    def __init__(self, page: BarPage, send: Callable[[Command], None]) -> None:
+    def __init__(self, page: BarPage, apply: Callable[[Command], None]) -> None:
         self._page = page
-        self._send = send
+        self._apply = apply
+        """At once: a key that the person pressed after it is in the queue already."""
         self._shown: Message = {}
         self._shown_s = 0.0
         page.listen("bar", self._asked)
@@ -265,4 +266,4 @@ class TimeBar:
 
     def _asked(self, message: Message) -> None:
         if (command := command_of(message)) is not None:
-            self._send(command)
+            self._apply(command)

@@ -164,7 +164,7 @@ class LabelMode:
         editor, comparer, suggestions = self._editor, self._comparer, self._suggestions
         if editor is None or comparer is None or suggestions is None:
             return
-        editor.follow(now_us, max(state.step_us, LABEL_STEPS_US[0]))  # the time controls go finer than labels do
+        self._follow(editor, state, now_us)
         self._enter(editor, state, now_us)
         editor.look_again(wall_s)
         if (state.camera, state.looks) != self._elsewhere:  # another was chosen in Tune, or one is named by Watch
@@ -201,6 +201,15 @@ class LabelMode:
         self._merge.show(comparer, now)
         if self._keys.ready:
             self._host.later(self._keys.go_on)
+
+    def _follow(self, editor: LabelEditor, state: ClientState, now_us: int) -> None:
+        editor.follow(now_us, max(state.step_us, LABEL_STEPS_US[0]))  # the time controls go finer than labels do
+
+    def _catch_up(self) -> None:
+        """Stand where the time controls stand: a key can come in the same turn of the loop as the time before it."""
+        state = self._host.state
+        if self._editor is not None and state is not None and not state.playhead.playing:
+            self._follow(self._editor, state, state.playhead.position_us(time.monotonic()))
 
     def _enter(self, editor: LabelEditor, state: ClientState, now_us: int) -> None:
         """Begin at a time that counts as progress; not where a person plays, or has gone on since."""
@@ -271,6 +280,7 @@ class LabelMode:
 
     def _act(self, name: str) -> None:
         if self._editor is not None and self._active:
+            self._catch_up()
             self._keys.press(name)
 
     def _waits(self, name: str) -> bool:
@@ -327,6 +337,7 @@ class LabelMode:
     def _do(self, act: EditorAct) -> None:
         if self._editor is not None and self._active:
             self._display.forget()
+            self._catch_up()
             self._editor.do(act)
 
     def _use_name(self, text: str) -> None:
@@ -379,7 +390,7 @@ class LabelMode:
             host.later,
             self._report,
             self._note,
-            lambda t_us: host.send(Seek(t_us)),
+            lambda t_us: host.apply(Seek(t_us)),
         )
         step_us = DEFAULT_STEP_US if state is None else state.step_us
         self._view = replace(self._view, annotator=self._name())

@@ -5,7 +5,6 @@ from urllib.parse import parse_qs
 
 import pytest
 
-from core.errors import LabelError
 from labels.model import Label, LabelState
 from labels.store import LabelStore
 from tests.app.browser.window import Window
@@ -25,10 +24,7 @@ def enter_label(window: Window):
 
 
 def label_at(mode, t_us: int):
-    try:
-        return mode._editor.labelling.here.labels.get(t_us)
-    except LabelError:  # another name was given, and the layer of the one before is closed
-        return None
+    return mode._editor.labelling.here.labels.get(t_us)
 
 
 def type_fast(window: Window, text: str, *then: str, delay_ms: float = 0) -> None:

@@ -51,7 +51,7 @@ class Hand:
         self._browser.trigger("Mode: Label", PATIENCE_S)
         mode = session._modes["Label"]
         assert isinstance(mode, LabelMode)
-        self.mode = mode
+        self.session, self.mode = session, mode
         eventually(lambda: mode._editor is not None, "the editor")
         session.later(lambda: mode._use_name("hand"))
         eventually(self._is_ready, "its name, the picture, the labels and the step of Label")
@@ -174,3 +174,15 @@ def test_going_elsewhere_forgets_what_waits() -> None:
     desktop.keys.go_on()
     desktop.press("third")
     assert desktop.done == ["third"]
+
+
+def test_a_key_counts_at_the_time_that_was_asked_for_before_it(hand: Hand) -> None:
+    session, mode = hand.session, hand.mode
+    session.page._hear({"type": "bar", "do": "seek", "value": 100_000})
+    session.later(lambda: mode._act("no_ball"))
+    session.later(lambda: mode._act("out_of_frame"))
+    session.page._hear({"type": "bar", "do": "seek", "value": 400_000})
+    session.later(lambda: mode._act("no_ball"))
+    eventually(lambda: len(hand.work.here.labels) == 3, "the labels", lambda: sorted(hand.work.here.labels))
+    assert sorted(hand.work.here.labels) == [100_000, 102_000, 400_000]
+    eventually(lambda: hand.work.t_us == 402_000, "the cursor to go on", lambda: hand.work.t_us)
