@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from app.cli.arguments import flag, given, positional
+from app.cli.arguments import DATA, flag, given, positional
 from app.cli.files import check_folder, csv_text, write_text
 from app.cli.progress import progress_bar
 from app.cli.terminal import format_table, json_ready, print_lines, say
@@ -38,6 +38,8 @@ class InfoArguments:
     track: bool = flag("let the tracker find the balls of recordings that say nothing of them; it takes long")
     out: Path | None = flag("write these balls as a table", "FILE.csv")
     to: Path | None = flag("write the flights and strokes of these balls for `train --balls FILE`", "FILE.json")
+    data_set: Path | None = flag("write the flights of these balls, with labels or the truth, as a data set", "DIR")
+    data: Path = flag("data set: workspace with the labels, unless REC is one", "DIR", DATA)
     json: bool = flag("print it as JSON")
 
 
@@ -47,7 +49,13 @@ def run(arguments: InfoArguments) -> None:
         _list_balls(arguments)
         return
     if wrong := given(
-        {"--where": arguments.where, "--track": arguments.track or None, "--out": arguments.out, "--to": arguments.to}
+        {
+            "--where": arguments.where,
+            "--track": arguments.track or None,
+            "--out": arguments.out,
+            "--to": arguments.to,
+            "--data-set": arguments.data_set,
+        }
     ):
         raise CommandError("only balls have that", got=", ".join(wrong), remedy="add --balls")
     with progress_bar(f"Reading {arguments.recording.name}") as progress:
@@ -64,12 +72,14 @@ def run(arguments: InfoArguments) -> None:
 def _list_balls(arguments: InfoArguments) -> None:
     """The balls of a recording, a run, or all of a folder; in a workspace they are indexed, and read from there."""
     require_package("pyarrow", "the index of balls")
+    from app.export.flight_set import write_flight_set
     from app.shared.ball_index import ball_sources, index_balls
     from labels.balls.launches import write_launches
     from labels.balls.table import COLUMNS, STATE, parse_conditions, select_rows
 
     check_folder(arguments.out)
     check_folder(arguments.to, "--to")
+    check_folder(arguments.data_set, "--data-set")
     conditions = parse_conditions(arguments.where or "")
     place = arguments.recording
     sources = ball_sources(place)
@@ -79,11 +89,19 @@ def _list_balls(arguments: InfoArguments) -> None:
     workspace = place if (place / "recordings").is_dir() else None
     with progress_bar("Indexing balls") as progress:
         found = index_balls(sources, workspace, track=arguments.track, progress=progress)
-    selected = found.table.take(select_rows(found.table, conditions))
+    chosen = select_rows(found.table, conditions)
+    selected = found.table.take(chosen)
     rows = selected.to_pylist()
     if arguments.out is not None:
         write_text(arguments.out, csv_text(COLUMNS, ([row[name] for name in COLUMNS] for row in rows)))
     written = None if arguments.to is None else write_launches(arguments.to, selected)
+    made = None
+    if arguments.data_set is not None:
+        asked = (arguments.where or "").strip()
+        how = f"conditions {asked}" if asked else "all balls"
+        with progress_bar(f"Writing {arguments.data_set.name}") as progress:
+            labels = (workspace or arguments.data) / "labels"
+            made = write_flight_set(found, chosen, labels, arguments.data_set, selected_by=how, progress=progress)
     unknown = [str(source.path) for source in found.unknown]
     if arguments.json:
         say(json.dumps(json_ready({"path": str(place), "balls": rows, "unknown": unknown, "failed": found.failed})))
@@ -95,6 +113,8 @@ def _list_balls(arguments: InfoArguments) -> None:
     )
     if written is not None:
         say(f"{written.written:,} launches in {arguments.to}, {written.unknown:,} left out: their state is not known")
+    if made is not None:
+        say(str(made))
     print_lines(f"nothing is known of the balls of {path}: --track finds them" for path in unknown)
 
 

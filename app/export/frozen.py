@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -54,8 +55,26 @@ def freeze(recording: Recording, span: Span) -> RecordingSnapshot:
     return frozen
 
 
-def write_frozen(frozen: RecordingSnapshot, span: Span, path: Path, *, progress: Progress, cancelled: Cancelled) -> str:
+def write_frozen(
+    frozen: RecordingSnapshot,
+    span: Span,
+    path: Path,
+    *,
+    progress: Progress,
+    cancelled: Cancelled,
+    config: Mapping[str, object] | None = None,
+    uuid: str | None = None,
+) -> str:
     """Write the events, calibrations and truth of a span to a recording whose time begins at 0; its identity.
+
+    Args:
+        frozen: what is written.
+        span: of its clock.
+        path: the file.
+        progress: gets the share that is written.
+        cancelled: looked at between slices.
+        config: says where it is from; None: from the live rally.
+        uuid: its identity; None: a new one.
 
     Raises:
         RecordingError: if it cannot be written.
@@ -63,9 +82,9 @@ def write_frozen(frozen: RecordingSnapshot, span: Span, path: Path, *, progress:
     """
     sensors = {name: stream.sensor for name, stream in frozen.streams.items()}
     calibration = {name: stream.calibration for name, stream in frozen.streams.items() if stream.calibration}
-    config = {"source": "live rally, frozen", "session": frozen.uuid}
+    config = config or {"source": "live rally, frozen", "session": frozen.uuid}
     with replacing(path, durable=True) as partial:
-        with RecordingWriter(partial, sensors, calibration=calibration, config=config) as writer:
+        with RecordingWriter(partial, sensors, calibration=calibration, config=config, uuid=uuid) as writer:
             for number, (name, stream) in enumerate(frozen.streams.items()):
                 share = share_of(number, len(frozen.streams), progress)
                 for events in event_slices(stream, span, share, cancelled):

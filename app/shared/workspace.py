@@ -70,6 +70,11 @@ class Workspace:
         return self._folder("exports")
 
     @property
+    def data_sets(self) -> Path:
+        """Folder of the data sets that were cut out of recordings."""
+        return self._folder("data-sets")
+
+    @property
     def samples(self) -> Path:
         """Folder for public sample files that a person has fetched."""
         return self._folder("samples")

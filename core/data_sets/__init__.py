@@ -1,4 +1,4 @@
-"""Data sets: many simulated recordings by one plan, made in parallel, resumed after a stop, counted on a card."""
+"""Data sets: many simulated recordings by one plan, made in parallel and resumed after a stop, or selected flights."""
 
 from typing import TYPE_CHECKING
 

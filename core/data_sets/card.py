@@ -81,15 +81,20 @@ Json = dict[str, object]
 
 def write_card(folder: Path, plan: DataSetPlan, facts: Mapping[str, RecordingFacts]) -> Json:
     """Write manifest, cards and index of the recordings that are there; returns the manifest."""
+    manifest = make_manifest(plan, facts)
+    write_documents(folder, manifest, make_card(manifest))
+    return manifest
+
+
+def write_documents(folder: Path, manifest: Json, card: str) -> None:
+    """Write a manifest, its card as Markdown, and the index and the Croissant card that follow from it."""
     from core.data_sets.croissant import write_croissant  # late: pyarrow may not be installed
     from core.data_sets.index import write_index
 
-    manifest = make_manifest(plan, facts)
-    for name, text in ((MANIFEST, json.dumps(manifest, indent=2) + "\n"), (CARD, make_card(manifest))):
+    for name, text in ((MANIFEST, json.dumps(manifest, indent=2) + "\n"), (CARD, card)):
         replace_file(folder / name, text.encode(), durable=True)
     write_index(folder, manifest)
     write_croissant(folder, manifest)
-    return manifest
 
 
 def read_manifest(folder: Path) -> Json:
@@ -121,7 +126,7 @@ def make_manifest(plan: DataSetPlan, facts: Mapping[str, RecordingFacts]) -> Jso
         "scenes": _in_order(planned.scene for planned in plan.recordings),
         "placements": _in_order(planned.placement for planned in plan.recordings),
         "speeds_mps": sorted({speed for planned in plan.recordings for speed in planned.speeds_mps}),
-        "total": _total([facts[planned.name] for planned in there]),
+        "total": total_of([facts[planned.name] for planned in there]),
         "recordings": [_entry(planned, facts[planned.name]) for planned in there],
     }
 
@@ -134,7 +139,8 @@ def _entry(planned: PlannedRecording, facts: RecordingFacts) -> Json:
     return {"file": f"{planned.name}.h5", "settings": planned.settings, **dataclasses.asdict(facts)}
 
 
-def _total(facts: Sequence[RecordingFacts]) -> Json:
+def total_of(facts: Sequence[RecordingFacts]) -> Json:
+    """The sums over all recordings, see `TOTALS`."""
     cameras = [camera for each in facts for camera in each.cameras.values()]
     return {
         "recordings": len(facts),
@@ -193,10 +199,15 @@ def make_card(manifest: Mapping[str, object]) -> str:
         f"Scenes: {_list(manifest['scenes'])}. Placements: {_list(manifest['placements'])}. "
         f"Speeds: {_list(manifest['speeds_mps'])} m/s.",
         "",
-        markdown_table(("total", ""), [(label, _figure(total[key])) for key, label in LABELS.items()]),
+        total_table(total),
         markdown_table(COLUMNS, map(_row, recordings), FORMATS),
     ]
     return "\n".join(lines)
+
+
+def total_table(total: Mapping[str, object], labels: Mapping[str, str] = LABELS) -> str:
+    """The sums that have a label in words, as Markdown."""
+    return markdown_table(("total", ""), [(label, _figure(total[key])) for key, label in labels.items()])
 
 
 def _row(entry: Mapping) -> tuple[object, ...]:

@@ -14,7 +14,7 @@ from typing import Final
 
 import pyarrow as pa
 
-from core.data_sets.index import INDEX, SCHEMA
+from core.data_sets.index import INDEX, schema_of
 from core.files import replace_file
 
 CROISSANT: Final = "croissant.json"
@@ -67,6 +67,10 @@ _MEANINGS: Final = {
     "centres": "Visible true ball centres in the pictures of all cameras",
     "points_3d": "True positions of the ball in the world",
     "frames": "Pictures of ordinary cameras",
+    "split": "training, validation or test",
+    "recording": "The recording that the flight is cut out of",
+    "start_us": "Start of the flight in that recording, in microseconds",
+    "end_us": "End of the flight in that recording, in microseconds",
 }
 
 
@@ -88,7 +92,8 @@ def make_croissant(manifest: Mapping[str, object], index_sha256: str, index_byte
         "@type": "sc:Dataset",
         "conformsTo": CONFORMS_TO,
         "name": str(manifest["title"]) or "rallyscope data set",
-        "description": (
+        "description": manifest.get("description")
+        or (
             f"Simulated event-camera recordings of table tennis with the true ball in the pictures and in the world, "
             f"made by rallyscope {manifest['rallyscope']} with seed {manifest['seed']}: one HDF5 file a recording, and "
             f"an index of one row each."
@@ -103,7 +108,7 @@ def make_croissant(manifest: Mapping[str, object], index_sha256: str, index_byte
                 "name": "recordings",
                 "description": "One record a recording: the columns of the index that are plain values.",
                 "key": {"@id": "recordings/file"},
-                "field": [_field(column) for column in SCHEMA if _plain_type(column) is not None],
+                "field": [_field(column) for column in schema_of(manifest) if _plain_type(column) is not None],
             }
         ],
     }

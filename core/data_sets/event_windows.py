@@ -40,6 +40,7 @@ class WindowSample(TypedDict):
 class EventWindows(Dataset[WindowSample]):
     """Every window of every camera of the recordings, in order: half-open, `window_us` long, one every `every_us`.
 
+    With `at_samples` there is one window about each sample of the truth instead: labels are seldom where a window is.
     Nothing but the truth is read before a window is asked for. It can be copied into the workers of a DataLoader: each
     process opens the files for itself.
     """
@@ -52,6 +53,7 @@ class EventWindows(Dataset[WindowSample]):
         window_us: int = 2000,
         every_us: int = 2000,
         only_with_ball: bool = True,
+        at_samples: bool = False,
     ) -> None:
         """Over these files of the data set, or all; what is trained on and what is tested on are best split by file.
 
@@ -75,13 +77,18 @@ class EventWindows(Dataset[WindowSample]):
         self._starts_us: list[NDArray[np.int64]] = []
         self._centres: list[NDArray[np.float32]] = []
         for name in self._uuids:
-            self._add(name, every_us, only_with_ball)
+            self._add(name, every_us, only_with_ball, at_samples)
         self._ends = list(itertools.accumulate(map(len, self._starts_us)))
 
-    def _add(self, name: str, every_us: int, only_with_ball: bool) -> None:
+    def _add(self, name: str, every_us: int, only_with_ball: bool, at_samples: bool) -> None:
         recording = self._recording(name)
-        starts_us = np.arange(0, recording.duration_us - self._window_us + 1, every_us, dtype=np.int64)
+        end_us = recording.duration_us - self._window_us + 1
         for camera, stream in recording.cameras.items():
+            starts_us = np.arange(0, end_us, every_us, dtype=np.int64)
+            if at_samples:
+                samples_us = np.zeros(0, np.int64) if stream.truth is None else stream.truth.t_us
+                starts_us = samples_us - self._window_us // 2
+                starts_us = starts_us[(starts_us >= 0) & (starts_us < end_us)]
             centres = np.full((len(starts_us), 3), np.nan, np.float32)
             if stream.truth is not None:
                 at = stream.truth.at(starts_us + self._window_us // 2)

@@ -139,14 +139,25 @@ def read_facts(path: Path, planned: PlannedRecording, sha256: str = "") -> Recor
         RecordingError: if it was made with other settings than those planned, or cannot be read.
     """
     _check_settings(path, planned)
+    return count_facts(path, planned.name, sha256)
+
+
+def count_facts(path: Path, name: str, sha256: str = "") -> RecordingFacts:
+    """Count what is in a recording of this name; its digest is computed unless it is known.
+
+    Raises:
+        RecordingError: if it cannot be read.
+    """
     with open_recording(path) as recording:
         cameras = {name: _camera_facts(recording, name) for name in recording.cameras}
         ball, rows = recording.ball, recording.read_rows(EPISODES)
         racket = recording.read_rows(RACKET)
         truths = [stream.truth for stream in recording.cameras.values() if stream.truth is not None]
-        seen = np.all([truth.visible for truth in truths], axis=0) if truths else np.zeros(0, np.bool_)
+        # At the times of the ball: cameras whose truth is of labels have times of their own.
+        times_us = np.zeros(0, np.int64) if ball is None else ball.t_us
+        seen = np.all([one.at(times_us).visible for one in truths], axis=0) if truths else np.zeros(0, np.bool_)
         return RecordingFacts(
-            name=planned.name,
+            name=name,
             uuid=recording.uuid,
             sha256=sha256 or file_sha256(path),
             duration_us=recording.duration_us,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
@@ -45,13 +46,32 @@ SCHEMA: Final = pa.schema(
         ("cameras", pa.list_(pa.struct([("name", pa.string()), *((one, pa.int64()) for one in CAMERA)]))),
     ]
 )
+FLIGHT_SCHEMA: Final = pa.schema(
+    [
+        ("split", pa.string()),
+        ("recording", pa.string()),
+        ("recording_uuid", pa.string()),
+        ("ball", pa.int64()),
+        ("start_us", pa.int64()),
+        ("end_us", pa.int64()),
+        ("found_by", pa.string()),
+        ("centres_by", pa.map_(pa.string(), pa.string())),
+    ]
+)
+"""Further columns of a data set of flights, see `cut_flights.CutFlight`. A reader of data sets needs none of them."""
+
+
+def schema_of(manifest: Mapping[str, object]) -> pa.Schema:
+    """Columns of the index of a data set with this manifest."""
+    return pa.schema([*SCHEMA, *FLIGHT_SCHEMA]) if "selection" in manifest else SCHEMA
 
 
 def write_index(folder: Path, manifest: Mapping[str, object]) -> None:
     """Write the index beside the manifest that it is made of; the same manifest gives the same bytes."""
     entries = manifest["recordings"]
     assert isinstance(entries, list)
-    table = pa.Table.from_pylist([_row(entry) for entry in entries], SCHEMA)
+    schema = schema_of(manifest)
+    table = pa.Table.from_pylist([_row(entry, schema.names) for entry in entries], schema)
     buffer = io.BytesIO()
     parquet.write_table(table, buffer, compression="zstd")
     replace_file(folder / INDEX, buffer.getvalue(), durable=True)
@@ -87,10 +107,14 @@ def read_index(folder: Path) -> pa.Table:
     return table
 
 
-def _row(entry: Mapping) -> dict[str, object]:
+def _row(entry: Mapping, columns: list[str]) -> dict[str, object]:
     settings, cameras = entry["settings"], entry["cameras"]
     sums = {one: sum(camera[one] for camera in cameras.values()) for one in SUMS}
     named = [{"name": name, **camera} for name, camera in cameras.items()]
-    row = {**settings, **entry, **sums, "cameras": named}
+    flight = entry.get("flight", {})
+    row = {**settings, **entry, **flight, **sums, "cameras": named}
     row["scene_changes"] = list(settings["scene_changes"].items())
-    return {name: row[name] for name in SCHEMA.names}
+    row["centres_by"] = list(flight.get("centres_by", {}).items())
+    # JSON has no nan, and a column of the index no null.
+    row["noise_hz"] = math.nan if row["noise_hz"] is None else row["noise_hz"]
+    return {name: row[name] for name in columns}

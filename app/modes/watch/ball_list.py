@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from app import theme
 from app.formatting import html_text
-from app.modes.watch.ball_scatter import BallScatter, ScatterAxes, draw_scatter
+from app.modes.watch.ball_scatter import BallScatter, ScatterAxes, draw_scatter, title_of
 from app.modes.watch.figures import muted
 from app.shared.ball_index import BallIndex, BallSource
 
@@ -70,6 +70,15 @@ def view_balls(request: BallQuery) -> BallView:
     links = [link_of_row(request, row) for row in shown.tolist()]
     scatter = draw_scatter(index.table, met, request.axes, request.selected)
     return BallView(rows, first, scatter, count_html(index, len(rows), first), balls_html(page, links))
+
+
+def selection_text(request: BallQuery) -> str:
+    """How the shown balls were selected, in words for those who get a data set of them."""
+    how = [f"conditions {request.conditions.strip()}"] if request.conditions.strip() else []
+    if request.selected is not None:
+        axes = request.axes
+        how.append(f"a line drawn round points ({title_of(axes.x)} across, {title_of(axes.y)} up)")
+    return " and ".join(how) or "all balls"
 
 
 def link_of_row(request: BallQuery, row: int) -> str | None:

@@ -16,7 +16,7 @@ from app import theme
 from app.background.jobs import LatestWins, LoopJob, Progress
 from app.formatting import html_text, note_html
 from app.modes.mode import ModeHost
-from app.modes.watch.ball_list import ROWS, BallQuery, BallView, link_of_row, scatter_html, view_balls
+from app.modes.watch.ball_list import ROWS, BallQuery, BallView, link_of_row, scatter_html, selection_text, view_balls
 from app.modes.watch.ball_scatter import AXES, ScatterAxes, row_at, rows_within, title_of
 from app.modes.watch.selection_panel import BallSelectionPanel
 from app.shared.ball_index import BallIndex, BallSource, ball_sources, index_balls, moved_rows
@@ -198,7 +198,7 @@ class BallsPanel:
         self._points.content, self._count.content, self._table.content = scatter_html(view), view.count, view.table
         self._pages.visible = len(view.rows) > ROWS
         self._clear.visible = request.selected is not None
-        self._use_as.offer(request.index, view.rows)
+        self._use_as.offer(request.index, view.rows, selection_text(request))
 
     def _choose_mode(self, chosen: str) -> None:
         def choose() -> None:

@@ -1,4 +1,4 @@
-"""What the selected balls are used as: moments to label, or launches to train on."""
+"""What the selected balls are used as: moments to label, launches to train on, or a data set of their flights."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import viser
 from numpy.typing import NDArray
 
 from app.background.jobs import LoopJob, Progress
+from app.export.flight_set import write_flight_set
 from app.modes.mode import ModeHost
 from app.shared.ball_index import BallIndex
 from app.shared.workspace import Workspace, slug_from
@@ -19,6 +20,7 @@ from core.recordings import open_recording
 
 TO_LABEL: Final = "To label"
 TRAINING: Final = "Training"
+DATA_SET: Final = "Data set"
 Work = Callable[[Progress, Callable[[], bool]], str]
 
 
@@ -29,10 +31,14 @@ class BallSelectionPanel:
         self._host = host
         self._index: BallIndex | None = None
         self._rows: NDArray[np.int64] = np.zeros(0, np.int64)
+        self._selected_by = ""
         self._job: LoopJob[str] = LoopJob(host.later, host.report, self._show_running)
-        self._name = gui.add_text("Name", "balls", hint="Of the file that is written", visible=False)
-        hint = "To label: key K in Label goes there first. Training: a file for `rallyscope train --balls`"
-        self._uses = gui.add_button_group("Use these as", (TO_LABEL, TRAINING), hint=hint, visible=False)
+        self._name = gui.add_text("Name", "balls", hint="Of what is written", visible=False)
+        hint = (
+            "To label: key K in Label goes there first. Training: a file for `rallyscope train --balls`. Data set: the "
+            "events of their flights, with labels or the truth"
+        )
+        self._uses = gui.add_button_group("Use these as", (TO_LABEL, TRAINING, DATA_SET), hint=hint, visible=False)
         self._stop = gui.add_button("Stop writing", icon=viser.Icon.X, visible=False)
         self._progress = gui.add_progress_bar(0.0, visible=False)
 
@@ -45,9 +51,9 @@ class BallSelectionPanel:
         async def _(_: viser.GuiEvent) -> None:
             host.later(self._job.cancel)
 
-    def offer(self, index: BallIndex, rows: NDArray[np.int64]) -> None:
-        """These rows of the index are shown now."""
-        self._index, self._rows = index, rows
+    def offer(self, index: BallIndex, rows: NDArray[np.int64], selected_by: str) -> None:
+        """These rows of the index are shown now, because they were selected so."""
+        self._index, self._rows, self._selected_by = index, rows, selected_by
         self._show_running()
 
     def tick(self) -> None:
@@ -71,6 +77,11 @@ class BallSelectionPanel:
         work: Work
         if use == TO_LABEL:
             work = lambda progress, cancelled: list_to_label(index, rows, workspace, progress, cancelled)  # noqa: E731
+        elif use == DATA_SET:
+            name, how = slug_from(str(self._name.value)), self._selected_by
+            work = lambda progress, cancelled: write_data_set(  # noqa: E731
+                index, rows, workspace, name, how, progress, cancelled
+            )
         else:
             name = slug_from(str(self._name.value))
             work = lambda progress, cancelled: write_training(index, rows, workspace, name)  # noqa: E731
@@ -128,3 +139,28 @@ def write_training(index: BallIndex, rows: NDArray[np.int64], workspace: Workspa
     done = write_launches(path, index.table.take(rows))
     left_out = f", {done.unknown:,} left out (state not known)" if done.unknown else ""
     return f"{done.written:,} launches{left_out}: rallyscope train --balls {path}"
+
+
+def write_data_set(
+    index: BallIndex,
+    rows: NDArray[np.int64],
+    workspace: Workspace,
+    name: str,
+    selected_by: str,
+    progress: Progress = lambda share: None,
+    cancelled: Callable[[], bool] = lambda: False,
+) -> str:
+    """Write the flights of these rows to a data set in the workspace; a sentence of what was done.
+
+    Raises:
+        CommandError: if there is one of that name, or nobody says where the ball is in any of them.
+        RecordingError: if a recording is gone.
+        LabelError: if labels cannot be read.
+        ExportCancelledError: if `cancelled()` is true; nothing is left behind then.
+    """
+    folder = workspace.data_sets / name
+    return str(
+        write_flight_set(
+            index, rows, workspace.labels, folder, selected_by=selected_by, progress=progress, cancelled=cancelled
+        )
+    )

@@ -6,6 +6,7 @@ import numpy as np
 
 from app.modes.watch.ball_scatter import WIDTH_PX, ScatterAxes, draw_scatter
 from app.shared.ball_index import ball_sources, index_balls
+from core.data_sets import CARD, read_manifest
 from labels.balls.to_label import read_moments
 from tests.waiting import eventually
 
@@ -54,5 +55,13 @@ def test_a_point_opens_its_moment_and_a_lasso_is_what_is_labelled(window) -> Non
     page.get_by_role("button", name="To label").click()
     uuid = window.session.recording.uuid
     eventually(lambda: read_moments(root, uuid) == (t_us,), "the list to label")
+    made = root / "data-sets" / "balls"
+    page.get_by_role("button", name="Data set").click()
+    eventually(lambda: (made / CARD).is_file(), "the data set")
+    page.get_by_text("1 flight (1 training").wait_for()
+    window.screenshot("ball-data-set")
+    (entry,) = read_manifest(made)["recordings"]
+    assert entry["flight"]["start_us"] < t_us < entry["flight"]["end_us"], "the flight of the bounce"
+    assert "a line drawn round points" in (made / CARD).read_text()
     page.get_by_role("button", name="Show all again").click()
     flight.wait_for()

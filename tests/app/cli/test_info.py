@@ -11,6 +11,7 @@ import pytest
 
 from app.cli import main
 from core.cameras import Camera
+from core.data_sets import EventWindows, read_manifest
 from core.events import Events, SensorSize
 from core.learning.config import default_run
 from core.learning.task.environment import draw_serve_batch
@@ -119,10 +120,26 @@ def test_selected_flights_become_a_file_that_a_training_draws_from(tmp_path, cap
     assert {row.tobytes() for row in drawn.serves.states()} <= {row.tobytes() for row in serves.states()}
 
 
+def test_selected_flights_become_a_data_set(serve_recording, tmp_path, capsys):
+    words = ["info", str(serve_recording), "--balls", "--where", "kind=bounce", "--data", str(tmp_path)]
+    assert main([*words, "--data-set", str(tmp_path / "bounces")]) == 0
+    assert "1 flight (1 training, 0 validation, 0 test)" in capsys.readouterr().out
+    assert read_manifest(tmp_path / "bounces")["selection"]["selected_by"] == "conditions kind=bounce"
+    windows = EventWindows(tmp_path / "bounces")
+    assert len(windows) and {windows[0]["recording"]} == {"flight-0001.h5"}
+    assert main([*words, "--data-set", str(tmp_path / "bounces")]) == 2
+    assert "exists already" in capsys.readouterr().err
+    words[4] = "kind=net"
+    assert main([*words, "--data-set", str(tmp_path / "none")]) == 2
+    assert "no flight to write" in capsys.readouterr().err and not (tmp_path / "none").exists()
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         (["--where", "kind=bounce"], "add --balls"),
+        (["--data-set", "set"], "add --balls"),
+        (["--balls", "--data-set", "/none/set"], "no such folder"),
         (["--track"], "add --balls"),
         (["--to", "balls.json"], "add --balls"),
         (["--balls", "--to", "/none/balls.json"], "no such folder"),

@@ -17,6 +17,7 @@ from app.modes.watch.ball_list import (
     link_of_row,
     moment_link,
     scatter_html,
+    selection_text,
     view_balls,
 )
 from app.shared.ball_index import BallIndex, BallSource
@@ -94,3 +95,11 @@ def test_points_and_table_show_the_same_and_a_lasso_narrows_the_table_alone() ->
     assert view.rows.tolist() == [7, 9] and view.table.count("<a ") == 2
     assert "1 without a known speed" in view.scatter.legend and "data-rallyscope-balls" in scatter_html(view)
     assert link_of_row(BallQuery(found, "", mode="Tune"), 7) == moment_link("demo", "Tune", 7)
+
+
+def test_a_selection_is_said_in_words() -> None:
+    index, line = index_of([]), np.zeros(0, np.int64)
+    assert selection_text(BallQuery(index, " ")) == "all balls"
+    assert selection_text(BallQuery(index, "kind=net ")) == "conditions kind=net"
+    said = selection_text(BallQuery(index, "kind=net", selected=line))
+    assert said == "conditions kind=net and a line drawn round points (speed, m/s across, height at the net, m up)"

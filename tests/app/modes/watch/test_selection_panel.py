@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.modes.watch.selection_panel import list_to_label, write_training
+from app.modes.watch.selection_panel import list_to_label, write_data_set, write_training
 from app.shared.ball_index import ball_sources, index_balls
 from app.shared.workspace import Workspace
+from core.data_sets import read_manifest
 from core.errors import CommandError
 from core.physics.ball_states import read_ball_states
 from core.recordings import open_recording
@@ -36,3 +37,12 @@ def test_the_launches_of_a_selection_are_written_for_a_training(tmp_path: Path) 
     assert len(read_ball_states(tmp_path / "exports" / "fast.json")) == 10
     with pytest.raises(CommandError, match="too few"):
         write_training(index, np.arange(3), Workspace(tmp_path), "few")
+
+
+def test_the_flights_of_a_selection_are_written_as_a_data_set(tmp_path: Path) -> None:
+    write_recording(tmp_path / "recordings" / "one.h5", (5.0, 6.0, 7.0))
+    index = index_balls(ball_sources(tmp_path), tmp_path)
+    said = write_data_set(index, np.arange(2), Workspace(tmp_path), "fast", "a line drawn round points")
+    assert said.startswith("2 flights")
+    selection = read_manifest(tmp_path / "data-sets" / "fast")["selection"]
+    assert selection["selected_by"] == "a line drawn round points"
