@@ -104,7 +104,10 @@ def _list_balls(arguments: InfoArguments) -> None:
             made = write_flight_set(found, chosen, labels, arguments.data_set, selected_by=how, progress=progress)
     unknown = [str(source.path) for source in found.unknown]
     if arguments.json:
-        say(json.dumps(json_ready({"path": str(place), "balls": rows, "unknown": unknown, "failed": found.failed})))
+        facts: Facts = {"path": str(place), "balls": rows, "unknown": unknown, "failed": found.failed}
+        if made is not None:
+            facts["data_set"] = {"path": str(made.folder), "selection": made.manifest["selection"]}
+        say(json.dumps(json_ready(facts)))
         return
     if rows:
         say(format_table(selected.drop_columns(list(STATE)).slice(0, SHOWN).to_pylist()))

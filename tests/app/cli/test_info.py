@@ -129,6 +129,9 @@ def test_selected_flights_become_a_data_set(serve_recording, tmp_path, capsys):
     assert len(windows) and {windows[0]["recording"]} == {"flight-0001.h5"}
     assert main([*words, "--data-set", str(tmp_path / "bounces")]) == 2
     assert "exists already" in capsys.readouterr().err
+    assert main([*words, "--data-set", str(tmp_path / "again"), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)["data_set"]
+    assert said["path"] == str(tmp_path / "again") and said["selection"]["split_by"] == "flight"
     words[4] = "kind=net"
     assert main([*words, "--data-set", str(tmp_path / "none")]) == 2
     assert "no flight to write" in capsys.readouterr().err and not (tmp_path / "none").exists()
