@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -30,10 +30,14 @@ LEAST_RADIUS_PX = 6
 """Smallest circle that is drawn, in pixels of the picture: in a small one the ball itself is hardly seen."""
 
 
+NO_PICTURE: Final = -1
+
+
 class FrameSighting(NamedTuple):
     """The newest picture of a frame camera, and what was found in it."""
 
     number: int
+    """`NO_PICTURE` before the first."""
     circle: tuple[float, float, float] | None
     """u, v, r, px."""
     used: bool
@@ -41,12 +45,13 @@ class FrameSighting(NamedTuple):
 
 
 def frame_sightings(history: RallyHistory, frames: Mapping[str, FrameStream], t_us: int) -> dict[str, FrameSighting]:
-    """The newest picture of each frame camera that was over at a time; none before the first."""
+    """The newest picture of each frame camera that was over at a time."""
     found: dict[str, FrameSighting] = {}
     for name, one in frames.items():
         ends_us = one.ends_us
         number = int(np.searchsorted(ends_us, t_us, side="right")) - 1
-        if number < 0:
+        if number < 0:  # it has its place from the beginning: pictures that come later would move the others
+            found[name] = FrameSighting(NO_PICTURE, None, False)
             continue
         # The chain has looked at it in the first step that ends after its exposure.
         step = next(iter(history.steps_between(int(ends_us[number]) - 1, t_us)), None)
@@ -77,7 +82,7 @@ class CameraPicturesRequest:
     used: frozenset[str] = frozenset()
     """The cameras that the ball's position is made of; empty if it is not known."""
     frames: tuple[tuple[str, int], ...] = ()
-    """Frame cameras, each with the number of its picture, which stand behind the event cameras."""
+    """Frame cameras, each with the number of its picture or `NO_PICTURE`, which stand behind the event cameras."""
 
     @property
     def key(self) -> Hashable:
@@ -132,11 +137,15 @@ def _draw_circle(canvas: Canvas, request: CameraPicturesRequest, name: str) -> i
 
 def _frame_png(stream: FrameStream, number: int, request: CameraPicturesRequest, name: str, width_px: int) -> bytes:
     """A picture in its own colours, with its circle."""
-    image = stream.image(number)
+    image = stream.image(max(0, number))
     height, width = image.shape[:2]
     binning = max(1, -(-width // width_px))
     blank = np.full((-(-height // binning), -(-width // binning)), PaletteIndex.BACKGROUND, np.uint8)
     canvas = Canvas.of_binned(blank, SensorSize(width, height), binning)
+    if number == NO_PICTURE:
+        left_middle = canvas.image.shape[1] // 12, canvas.image.shape[0] // 2
+        cv2.putText(canvas.image, "no picture yet", left_middle, cv2.FONT_HERSHEY_SIMPLEX, 1.0, int(PaletteIndex.TEXT))
+        return encode_png(canvas.image, request.look.colours)
     _draw_circle(canvas, request, name)
     rgb = image if image.ndim == 3 else np.repeat(image[:, :, None], 3, axis=2)
     size = canvas.image.shape[1], canvas.image.shape[0]

@@ -45,12 +45,22 @@ class PictureVisitor(Visitor):
 
     def __init__(self, port: int) -> None:
         self.panel_pictures = 0
+        self._flat = ""
         super().__init__(port)
 
     def _take(self, message: Mapping[str, Any]) -> None:
         super()._take(message)
         if message["type"] == "GuiUpdateMessage" and "_data" in message.get("updates", {}):
             self.panel_pictures += 1
+        options = (message.get("props") or {}).get("options") or ()
+        # Other modes have a control "Show" too; that of Watch alone offers this.
+        if any(str(one).endswith("Pictures") for one in options):
+            self._flat = message["uuid"]
+
+    def show_pictures(self) -> None:
+        """Show the cameras' pictures in the middle instead of the scene."""
+        self.wait_until(lambda: self._flat, "the choice between scene and pictures", PATIENCE_S)
+        self.set_value(self._flat, "Pictures")
 
     @property
     def texts(self) -> tuple[str, ...]:
@@ -102,7 +112,7 @@ def measure_cameras(
             visitor.wait_quiet()
             found = [_watch(visitor, cameras, seconds) for _ in range(runs)]
             progress(0.6)
-            visitor.change("Show", "Pictures")
+            visitor.show_pictures()
             visitor.wait_quiet()
             flat = [_play(visitor, lambda: visitor.pictures, seconds) for _ in range(runs)]
             progress(0.8)

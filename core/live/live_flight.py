@@ -177,6 +177,11 @@ class QueuedCommand(NamedTuple):
     put_s: float = float("nan")
     """When it was handed over, on the monotonic clock, s."""
 
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """Names of the cameras that its step's answer is made of, sorted; empty if the step is not known."""
+        return () if self.step is None else tuple(sorted(self.step.chain.used))
+
     def stages_ms(self, sent_s: float, answered_s: float) -> tuple[float, ...]:
         """A duration for each of `STAGES`, ms; NaN where it is unknown. The times are on the monotonic clock, s."""
         if self.step is None:
@@ -250,7 +255,7 @@ class CommandSender:
         p, q, v = (tuple(a.tolist()) for a in (target.p_m, target.q_wxyz, target.v_mps))
         sent_s = time.monotonic()
         try:
-            self._robot.aim_racket(p, q, v, t_us)
+            self._robot.aim_racket(p, q, v, t_us, order.cameras)
         except LinkError as error:
             meter.last_refusal = str(error)
             logger.info("racket target not taken: %s", error)

@@ -6,14 +6,17 @@ import logging
 import threading
 import time
 import uuid
+from collections.abc import Sequence
 from typing import Final
 
 import zmq
 
 from core.errors import LinkError, NoAnswerError, TargetRefusedError
+from core.live.link.fields import text_bytes
 from core.live.link.guard import ClientKeys, HandshakeWatch, check_reach, secure, split_address
 from core.robot.motion_check import NOT_STARTED, FaceMotion, find_fault
 from core.robot.robot_messages import (
+    CAMERAS_BYTES,
     FROM_ROBOT,
     ROBOT_MESSAGE_BYTES,
     HelloRobot,
@@ -98,6 +101,7 @@ class RobotClient:
         impact_us: float,
         *,
         turn_radps: tuple[float, ...] | None = None,
+        cameras: Sequence[str] = (),
     ) -> RobotAnswer:
         """Send the middle of the face to a pose with a velocity at a time of this machine's clock (`host_us`).
 
@@ -110,13 +114,14 @@ class RobotClient:
             v_mps: (3,) velocity, world.
             impact_us: when, on this machine's clock.
             turn_radps: (3,) turn rate, rad/s, world.
+            cameras: names of the cameras that the answer behind it is made of, for the robot's information.
 
         Raises:
             TargetRefusedError: if it did not leave, or the robot did not take it.
             NoAnswerError: if the robot did not say.
         """
         with self._lock:
-            target = self._checked_target(p_m, q_wxyz, v_mps, impact_us, turn_radps)
+            target = self._checked_target(p_m, q_wxyz, v_mps, impact_us, turn_radps, cameras)
             self._answers[target.id] = None
             self._orders.send(encode_robot(target))
             self._watch.count(sent=1)
@@ -178,7 +183,13 @@ class RobotClient:
     # The only place that sends targets.
 
     def _checked_target(
-        self, p_m: object, q_wxyz: object, v_mps: object, impact_us: float, turn_radps: tuple[float, ...] | None
+        self,
+        p_m: object,
+        q_wxyz: object,
+        v_mps: object,
+        impact_us: float,
+        turn_radps: tuple[float, ...] | None,
+        cameras: Sequence[str],
     ) -> RobotTarget:
         """Within all limits, or an error; the lock is held."""
         now_us, watch = host_us(), self._watch
@@ -203,6 +214,8 @@ class RobotClient:
             id=self._next(), sent_us=sent_us, valid_until_us=min(hit_us, sent_us + VALID_US), impact_us=hit_us,
             p_m=tuple(goal.p_m.tolist()), q_wxyz=tuple(goal.q_wxyz.tolist()), v_mps=tuple(goal.v_mps.tolist()),
             turn_radps=turn_radps,
+            # Names that are too long to say are no reason to hold a stroke back.
+            cameras=tuple(cameras) if text_bytes(cameras) <= CAMERAS_BYTES else (),
         )  # fmt: skip
 
     def _wait_for_answer(self, number: int, what: str) -> RobotAnswer:

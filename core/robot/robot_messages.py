@@ -16,11 +16,13 @@ from typing import Any, Final
 import numpy as np
 
 from core.errors import LinkError
-from core.live.link.fields import WALL_NS, bounded_number, choice, flag, optional, part, text, vector, whole
+from core.live.link.fields import WALL_NS, bounded_number, choice, flag, optional, part, text, texts, vector, whole
 from core.live.link.messages import decode, encode
 
 ROBOT_MESSAGE_BYTES: Final = 4096
 """Largest message, bytes; the longest that we send has about 400."""
+CAMERAS_BYTES: Final = 2048
+"""Longest list of camera names, bytes: with it a target still fits into a message."""
 TURN_BOUND: Final = 100.0
 PARTIES: Final = ("", "robot", "rallyscope")
 WHY: Final = (
@@ -79,6 +81,9 @@ class RobotTarget:
     v_mps: tuple[float, ...] = vector(3, 20.0)
     turn_radps: tuple[float, ...] | None = optional(vector(3, TURN_BOUND))
     """Angular velocity, where one is wanted."""
+    cameras: tuple[str, ...] = texts(CAMERAS_BYTES)
+    """Names of the cameras that the newest answer behind this target is made of, sorted; empty for a step of the step
+    test, from an older Rallyscope, or if the names are too long."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

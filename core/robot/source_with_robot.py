@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import threading
 from collections import deque
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -145,7 +146,12 @@ class SourceWithRobot:
         return None if limits is None else reach_of(limits)
 
     def aim_racket(
-        self, p_m: tuple[float, ...], q_wxyz: tuple[float, ...], v_mps: tuple[float, ...], t_us: int
+        self,
+        p_m: tuple[float, ...],
+        q_wxyz: tuple[float, ...],
+        v_mps: tuple[float, ...],
+        t_us: int,
+        cameras: Sequence[str] = (),
     ) -> m.Reply:
         """Send the middle of the racket's face to a pose with a velocity at a time of the session.
 
@@ -154,6 +160,7 @@ class SourceWithRobot:
             q_wxyz: (4,) its orientation in the world.
             v_mps: (3,) its velocity, world.
             t_us: time of the session at which it is to be so.
+            cameras: names of the cameras that the answer behind it is made of.
 
         Raises:
             LinkError: if it does not leave, or the robot does not take it, or does not say.
@@ -163,7 +170,7 @@ class SourceWithRobot:
             raise self._client.reject_locally("lost", "nothing has been heard of the source yet")
         if state.paused or state.speed_factor * state.kept_share != REAL_TIME:
             raise self._client.reject_locally("lost", "the source does not run in real time, and a robot does")
-        self._client.aim(p_m, q_wxyz, v_mps, impact_us)
+        self._client.aim(p_m, q_wxyz, v_mps, impact_us, cameras=cameras)
         taken_us = max(0, round(self._clock.session_us(host_us()) or 0))
         return m.Reply(id=0, ok=True, session=self._welcome.session, t_us=taken_us, block_us=BLOCK_US)
 

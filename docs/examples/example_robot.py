@@ -54,7 +54,7 @@ with RobotServer(sys.argv[1] if len(sys.argv) > 1 else "tcp://127.0.0.1:0", LIMI
             q = turned(q, np.array(target.q_wxyz), h / left_s)
         else:  # the impact, and on for a ball that comes late
             if target.id != hit:
-                hit, v = target.id, np.array(target.v_mps)
-                print(f"impact {hit} at {target.impact_us} us, {np.linalg.norm(v):.2f} m/s", flush=True)
+                hit, v, seen_by = target.id, np.array(target.v_mps), " ".join(target.cameras)
+                print(f"impact {hit} at {target.impact_us} us, {np.linalg.norm(v):.2f} m/s {seen_by}", flush=True)
             p = p + v * h
         target = robot.turn(p, q, v)  # where it is now: what is told late looks like a late robot

@@ -22,10 +22,12 @@ from app.export.steps import ChainFollower, ChainStep, window_length_us
 from app.export.task import ExportTask
 from app.export.unfinished import Cancelled, Progress, check_cancelled
 from core.chain import ChainConfig
+from core.chain.follow import frame_cameras
 from core.detection import TrackState
 from core.detection.methods import STAGED, method_config
 from core.history.following import is_stereo
 from core.recordings import Recording
+from core.recordings.frames import FrameStream
 from core.recordings.layout import Rows
 from labels.arrays import LabelArrays
 
@@ -79,7 +81,13 @@ def export_rrd(task: ExportTask) -> tuple[Path, ...]:
 def blueprint_of(recording: Recording, contents: RrdContents, groups: Callable[[str], Rows | None]) -> rrb.Blueprint:
     """Layout of the recording in a viewer."""
     cameras = {name: one.calibration is not None for name, one in recording.cameras.items()}
+    cameras |= dict.fromkeys(_frames_of(recording, contents), True)
     return recording_blueprint(cameras, rewards=contents.plots and groups("/episodes") is not None)
+
+
+def _frames_of(recording: Recording, contents: RrdContents) -> dict[str, FrameStream]:
+    """Frame cameras whose pictures are written: they have a place in 3D, beside that of the event cameras."""
+    return frame_cameras(recording) if contents.pictures and is_stereo(recording) else {}
 
 
 class RallyWriter:
@@ -100,6 +108,8 @@ class RallyWriter:
         self._paths = {
             name: picture_path(name, calibrated=camera is not None) for name, camera in self._cameras.items()
         }
+        frames = _frames_of(recording, contents)
+        self._frame_cameras = {name: one.calibration for name, one in frames.items()}
         self._detector = method_config(contents.chain.method, contents.chain.detector)
         self._stages = contents.stages and contents.chain.method in STAGED
         self._window_us = window_length_us(contents.chain)
@@ -116,7 +126,7 @@ class RallyWriter:
         """Write the static entities."""
         if any(camera is not None for camera in self._cameras.values()):
             log_arena(self._stream, self._contents.chain.predictor.hit_x_m)
-        log_cameras(self._stream, self._cameras)
+        log_cameras(self._stream, self._cameras | self._frame_cameras)
         if self._contents.plots:
             rrd_blueprint.log_styles(self._stream, list(self._cameras))
 
@@ -157,6 +167,9 @@ class RallyWriter:
                     write(stream, {name: column[inside] for name, column in rows.items()})
         if self._contents.plots:
             rrd_blueprint.send_rates(stream, recording, span)
+        for name, frames in _frames_of(recording, self._contents).items():
+            path = picture_path(name, calibrated=True)
+            rrd_camera.send_frames(stream, path, frames, span.start_us, span.end_us)
         for name, labels in self._contents.labels.items():
             placed = labels.between(span.start_us, span.end_us)
             rrd_camera.send_labels(stream, self._paths[name], placed, self._contents.stride_us)

@@ -111,9 +111,9 @@ class CamerasPanel:
             if handle.content != content:
                 handle.content = content
 
-    def _add_larger(self, cameras: tuple[str, ...]) -> Choice | Listing:
+    def _add_larger(self, cameras: tuple[str, ...], *, many: bool) -> Choice | Listing:
         hint = "Show it full size. Again, G, or a double click goes back"
-        if len(cameras) < MANY:
+        if not many:
             return Choice(self._gui, "Larger", cameras, self._enlarge, hint=hint)
         larger = Listing(
             self._gui, "Larger", lambda camera: self._enlarge(camera if camera in cameras else ""), hint=hint
@@ -121,8 +121,13 @@ class CamerasPanel:
         larger.offer((SCENE, *cameras))
         return larger
 
-    def show(self, pngs: Mapping[str, bytes], sightings: Mapping[str, Sighting]) -> None:
-        """Put new pictures in place of the last ones; three or more stand in rows, each with a mark of its sighting."""
+    def show(
+        self, pngs: Mapping[str, bytes], sightings: Mapping[str, Sighting], event_cameras: tuple[str, ...]
+    ) -> None:
+        """Put new pictures in place of the last ones; three or more stand in rows, each with a mark of its sighting.
+
+        Only `event_cameras` are offered full size.
+        """
         if tuple(self._images) != tuple(pngs):
             for image in self._images.values():
                 image.remove()
@@ -131,7 +136,7 @@ class CamerasPanel:
                 self._images = {name: self._gui.add_image(BLANK, label=name, format="png") for name in pngs}
                 if self._larger is not None:
                     self._larger.remove()
-                self._larger = self._add_larger(tuple(pngs))
+                self._larger = self._add_larger(event_cameras, many=len(pngs) >= MANY)
         for name, png in pngs.items():
             set_png(self._images[name], png)
             caption = name if len(pngs) < MANY else f"{SIGHTING_MARKS[sightings[name]]} {name}"

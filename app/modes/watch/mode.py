@@ -270,7 +270,8 @@ class WatchMode:
     def _show_pictures(self, request: CameraPicturesRequest, pngs: dict[str, bytes]) -> None:
         if self._active and self._has_panel:
             self._freshness.answered(request)
-            self._cameras.show(pngs, {name: sighting_of(request, name) for name in pngs})
+            event_cameras = tuple(request.recording.cameras)
+            self._cameras.show(pngs, {name: sighting_of(request, name) for name in pngs}, event_cameras)
 
     def _pictures_failed(self, error: Exception) -> None:
         self._host.later(self._freshness.failed)

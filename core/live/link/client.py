@@ -8,7 +8,7 @@ import logging
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final, Self
 
 import zmq
@@ -151,7 +151,12 @@ class SimulationClient:
         return self.ask(lambda number: m.Serve(id=number, p_m=p_m, v_mps=v_mps, spin_radps=spin_radps))
 
     def aim_racket(
-        self, p_m: tuple[float, ...], q_wxyz: tuple[float, ...], v_mps: tuple[float, ...], t_us: int
+        self,
+        p_m: tuple[float, ...],
+        q_wxyz: tuple[float, ...],
+        v_mps: tuple[float, ...],
+        t_us: int,
+        cameras: Sequence[str] = (),
     ) -> m.Reply:
         """Send the middle of the racket's face to a pose with a velocity at a simulated time.
 
@@ -160,6 +165,7 @@ class SimulationClient:
             q_wxyz: (4,) its orientation in the world.
             v_mps: (3,) its velocity, world.
             t_us: simulated time at which it is to be so.
+            cameras: not sent: the simulation knows what its cameras see.
         """
         return self.ask(lambda number: m.AimRacket(id=number, p_m=p_m, q_wxyz=q_wxyz, v_mps=v_mps, t_us=t_us))
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final
@@ -98,6 +98,24 @@ def text(longest: int, default: object = REQUIRED) -> Any:
         return value
 
     return _field(Spec(read, str), default)
+
+
+def texts(most_bytes: int) -> Any:
+    """A tuple of str of at most `most_bytes` bytes together, in UTF-8; empty by default."""
+
+    def read(value: Wire, where: str) -> tuple[str, ...]:
+        if not isinstance(value, (list, tuple)) or not all(isinstance(item, str) for item in value):
+            raise LinkError("not a list of texts", got=_short(value), where=where)
+        if text_bytes(value) > most_bytes:
+            raise LinkError("texts too long", expected=f"up to {most_bytes} bytes", got=text_bytes(value), where=where)
+        return tuple(value)
+
+    return _field(Spec(read, list), ())
+
+
+def text_bytes(items: Iterable[str]) -> int:
+    """Length of all texts together in UTF-8."""
+    return sum(len(item.encode()) for item in items)
 
 
 def choice(*names: str) -> Any:

@@ -7,7 +7,7 @@ cameras that have one, then a state that ends the block.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Literal, Protocol, runtime_checkable
 
 from core.cameras import Camera
@@ -31,7 +31,12 @@ class Robot(Protocol):
     """Moves the racket; its pose is in the states."""
 
     def aim_racket(
-        self, p_m: tuple[float, ...], q_wxyz: tuple[float, ...], v_mps: tuple[float, ...], t_us: int
+        self,
+        p_m: tuple[float, ...],
+        q_wxyz: tuple[float, ...],
+        v_mps: tuple[float, ...],
+        t_us: int,
+        cameras: Sequence[str] = (),
     ) -> m.Reply:
         """Send the middle of the racket's face to a pose with a velocity at a time of the session.
 
@@ -40,6 +45,7 @@ class Robot(Protocol):
             q_wxyz: (4,) its orientation in the world.
             v_mps: (3,) its velocity, world.
             t_us: time of the session at which it is to be so.
+            cameras: names of the cameras that the answer behind it is made of, for a robot that wants to know.
 
         Raises:
             LinkError: if that is refused, or not answered in time.

@@ -11,7 +11,13 @@ from PIL import Image
 from app.modes.watch.cameras_panel import sighting_of
 from app.pictures.palette import PaletteIndex
 from app.state.client_state import RenderSettings
-from app.views.camera_pictures import CameraPicturesRequest, frame_sightings, render_camera_pictures, with_frames
+from app.views.camera_pictures import (
+    NO_PICTURE,
+    CameraPicturesRequest,
+    frame_sightings,
+    render_camera_pictures,
+    with_frames,
+)
 from core.cameras.presets import camera_preset
 from core.chain.chain import ChainState, StageSeconds
 from core.chain.control.player import PlayerState
@@ -87,7 +93,7 @@ def test_what_was_found_in_a_picture_belongs_to_it_until_the_next_one(rig_with_f
     circle, other = (600.0, 300.0, 8.0), (200.0, 100.0, 8.0)
     history, frames = history_of({8_000: circle, 28_000: other}, {8_000}), rig_with_frames.frames
     seen = {t_us: frame_sightings(history, frames, t_us) for t_us in (6_999, 7_500, 8_000, 26_999, 28_000, 50_000)}
-    assert seen[6_999] == {}, "the exposure of the first picture is not over"
+    assert seen[6_999]["far_left"] == (NO_PICTURE, None, False), "the exposure of the first picture is not over"
     assert seen[7_500]["far_left"] == (0, None, False), "the chain has not looked at it"
     assert seen[8_000]["far_left"] == seen[26_999]["far_left"] == (0, circle, True)
     assert seen[28_000]["far_left"] == (1, other, False)
@@ -119,3 +125,13 @@ def test_a_picture_stands_behind_the_event_cameras_in_its_own_colours_with_its_c
     assert len(coloured) and np.abs(coloured.mean(axis=0) - (75, 150)).max() < 2, "a ring round the ball"
     assert request.key != replace(request, frames=(("far_left", 2),)).key
     assert sighting_of(request, "far_left") == "used"
+
+
+def test_a_frame_camera_has_its_place_before_its_first_picture(rig_with_frames) -> None:
+    frames = (("far_left", NO_PICTURE),)
+    request = CameraPicturesRequest(rig_with_frames, 1_000, RenderSettings(), {}, False, frozenset(), frames)
+    png = render_camera_pictures(request)["far_left"]
+    pixels = np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).reshape(-1, 3)
+    assert not (pixels == 120).all(axis=1).any(), "nothing of the first picture"
+    assert len(np.unique(pixels, axis=0)) > 1, "it says so"
+    assert sighting_of(request, "far_left") == "none"

@@ -21,7 +21,7 @@ BEHIND = RacketReach((-1.7, 0.0, 0.3), math.inf, (-2.0, -0.7, 0.05), (-1.5, 0.7,
 class SilentRobot:
     """A robot that does not state where it can go."""
 
-    def aim_racket(self, p_m, q_wxyz, v_mps, t_us) -> m.Reply:
+    def aim_racket(self, p_m, q_wxyz, v_mps, t_us, cameras=()) -> m.Reply:
         return m.Reply(id=0, ok=True, session="", t_us=t_us, block_us=10_000)
 
 

@@ -45,13 +45,16 @@ class ExampleProcess:
         self.address = self._process.stdout.readline().strip()
         self.impacts_us: list[int] = []
         self.impacts_mps: list[float] = []
+        self.impact_cameras: list[list[str]] = []
+        """Names of the cameras behind each."""
         threading.Thread(target=self._read, daemon=True).start()
 
     def _read(self) -> None:
         assert self._process.stdout is not None
         for line in self._process.stdout:
-            for t_us, speed_mps in re.findall(r"^impact \d+ at (\d+) us, ([\d.]+) m/s$", line):
+            for t_us, speed_mps, cameras in re.findall(r"^impact \d+ at (\d+) us, ([\d.]+) m/s( .*)?$", line):
                 self.impacts_us.append(int(t_us))
+                self.impact_cameras.append(cameras.split())
                 self.impacts_mps.append(float(speed_mps))
 
     def send(self, number: int) -> None:
@@ -111,6 +114,7 @@ def test_it_plays_balls_that_cameras_saw_is_stopped_killed_and_brought_back(exam
         start()
         plays(example, 3)
         assert all(0.0 <= speed <= 5.0 for speed in example.impacts_mps) and client.status.counts.taken >= 3
+        assert all(cameras == ["left", "right"] for cameras in example.impact_cameras), example.impact_cameras
         rows = np.array(notes.rows)
         assert rows[:, 0].max() > -1.55 and np.abs(rows[:, 7:]).max() > 0.1, "the racket went to the balls"
 

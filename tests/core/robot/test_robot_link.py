@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import threading
 import time
@@ -130,6 +131,36 @@ def test_nothing_is_sent_before_a_person_has_started_it(robot: RestingRobot) -> 
     finally:
         client.close()
     eventually(lambda: "Rallyscope was ended" in robot.server.stopped, "the robot to hear of the end")
+
+
+def test_a_target_names_the_cameras_behind_it_unless_the_names_are_too_long(robot: RestingRobot) -> None:
+    with playing(robot) as client:
+        for named, arrives in ((("left", "rgb"), ("left", "rgb")), ((), ()), (("n" * 3000,), ())):
+
+            def taken(named=named) -> bool:
+                with suppress(NoAnswerError, TargetRefusedError):
+                    return client.aim(*STROKE, host_us() + 500_000, cameras=named).ok
+                return False
+
+            eventually(taken, "a target to be taken", lambda: client.status)
+            eventually(
+                lambda arrives=arrives: robot.carried_out and robot.carried_out[-1].cameras == arrives, "the names"
+            )
+
+
+def test_targets_of_older_and_of_later_versions_are_understood() -> None:
+    target = RobotTarget(
+        id=1, sent_us=0, valid_until_us=9, impact_us=9, p_m=HOME, q_wxyz=UPRIGHT, v_mps=STILL, cameras=("left",)
+    )
+    fields = msgpack.unpackb(encode_robot(target))
+    assert fields["v"] == 1 and fields["cameras"] == ["left"]
+    later = decode_robot(msgpack.packb(fields | {"not_known_yet": 1}), TO_ROBOT)
+    assert later == target
+    older = decode_robot(msgpack.packb({key: one for key, one in fields.items() if key != "cameras"}), TO_ROBOT)
+    assert older == dataclasses.replace(target, cameras=())
+    for wrong in ("left", [1], {"left": 1}, ["n" * 3000], None):
+        with pytest.raises(LinkError, match="cameras"):
+            decode_robot(msgpack.packb(fields | {"cameras": wrong}), TO_ROBOT)
 
 
 def test_a_stop_from_here_is_told_to_the_robot_and_nothing_leaves_until_a_person_starts_it(robot: RestingRobot) -> None:

@@ -15,14 +15,16 @@ from rerun.error_utils import strict_mode
 
 from app.cli import main
 from app.export.rrd.camera import EventStage, PictureJob, make_picture
-from app.export.rrd.recording import export_rrd
+from app.export.rrd.recording import RrdContents, blueprint_of, export_rrd
 from app.export.selection import Span, polarity_png, span_of
 from app.export.steps import ChainFollower
 from app.export.unfinished import ExportCancelledError
 from app.pictures.palette import palette
+from core.cameras.presets import camera_preset
 from core.chain import ChainConfig
 from core.detection import DetectorConfig
 from core.errors import CommandError
+from core.events import Events
 from core.recordings import RecordingWriter, open_recording
 from labels.model import Label, LabelState
 from labels.store import LabelStore
@@ -126,6 +128,29 @@ def test_a_single_camera_without_calibration_has_pictures_and_detections_only(se
     assert {"pictures/eye", "pictures/eye/detection", "pictures/eye/stages/events", "plots/event_rate/eye"} <= found
     assert not any(name.startswith("world") for name in found)
     assert "verified without error" in rerun("verify", str(tmp_path / "one.rrd"))
+
+
+def test_pictures_of_a_frame_camera_stand_beside_those_of_the_event_cameras(tmp_path, capsys) -> None:
+    rig = {name: camera for name, camera in camera_preset("corners").items() if name != "far_right"}
+    pictures = np.zeros((3, 72, 128, 3), np.uint8)
+    with RecordingWriter(tmp_path / "rig.h5", {name: one.sensor for name, one in rig.items()}, calibration=rig) as to:
+        for name in ("near_left", "near_right"):
+            to.append(name, Events.from_columns([1000], [3], [2], [True], rig[name].sensor))
+        to.write_frames("far_left", np.array([5_000, 20_000, 35_000]), np.full(3, 4_000), pictures)
+        to.extend_duration(60_000)
+    path = tmp_path / "rig.rrd"
+    with open_recording(tmp_path / "rig.h5") as recording:
+        export_rrd(task_of(recording, path, Span(10_000, 60_000), stride_us=10_000))
+        blueprint = blueprint_of(recording, RrdContents(), recording.read_rows)
+        _, views = blueprint.root_container.contents[0].contents
+        assert [one.name for one in views.contents] == ["near_left", "near_right", "far_left"]
+        export_rrd(task_of(recording, tmp_path / "plain.rrd", Span(10_000, 60_000), pictures=False))
+    place = "world/cameras/far_left/picture"
+    assert "verified without error" in rerun("verify", str(path))
+    assert place in entities(path) and place not in entities(tmp_path / "plain.rrd")
+    printed = rerun("print", "-vvv", "--entity", f"/{place}", str(path))
+    shown = [when in printed for when in ("PT0.005S", "PT0.02S", "PT0.035S")]
+    assert shown == [False, True, True], "the first is before the part"
 
 
 def test_a_method_without_stages_has_pictures_and_detections_but_no_stages(serve_recording, tmp_path) -> None:
