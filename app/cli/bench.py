@@ -90,8 +90,8 @@ class BenchArguments:
     latency: bool = flag("and where the time of live commands goes, without and with a browser (rally)")
     soak: PositiveFloat | None = flag("under load for so long (app)", "MINUTES")
     only: str | None = flag(
-        "return, page, pace or cameras (app); scenes, wrong, alone, faults or pace (cameras); a row (robustness); "
-        "real-balls (learning); "
+        "return, page, pace, cameras, rest or space (app); scenes, wrong, alone, faults or pace (cameras); "
+        "a row (robustness); real-balls (learning); "
         "a method (paper-perception with --recorded)",
         "NAME",
         "all",

@@ -20,6 +20,7 @@ from benchmarks.app.live_pace import measure_pace
 from benchmarks.app.many_cameras import measure_cameras
 from benchmarks.app.page_speed import measure_page
 from benchmarks.app.served_app import served
+from benchmarks.app.space_time_updates import measure_space
 from benchmarks.machine import Row, describe_machine, goal_row, report_rows_to
 from core.cameras import stereo_preset
 from core.config import replace_setting
@@ -101,6 +102,7 @@ PARTS: Final[dict[str, Callable[[Path, Callable[[float], None]], list[Row]]]] = 
     "pace": measure_pace,
     "cameras": measure_cameras,
     "rest": measure_rest,
+    "space": measure_space,
 }
 """What is measured in an empty folder."""
 
@@ -117,7 +119,7 @@ def run(
     With `only` "return" how soon an open page is back after a killed server,
     with "page" how soon a browser shows what is asked for, with "pace" whether the live rally keeps up while one shows
     it; with "cameras", or a number of `cameras`, how often a client that shows so many is updated; with "rest" what the
-    live rally costs while nobody watches it.
+    live rally costs while nobody watches it; with "space" what the events in space and time cost.
 
     Rows of the latter per view: p50, p99 and the largest number of milliseconds a picture takes, at random times of a
     recording.

@@ -77,7 +77,7 @@ def simulate_contacts(seed: int, speed_mps: float = 5.0) -> RallyContacts:
     end_us = int(path.end_s * 1e6)
     bodies = make_actors("rally", seed, strokes)
     truths = pixel_truths(cameras, path, np.arange(0, end_us, WINDOW_US), bodies)
-    parts = [_detected(truth, rng) for truth in truths.values()]
+    parts = [detected(truth, rng) for truth in truths.values()]
     real = contacts_of_truth(ball_truth(path, truth_times(path, 0, end_us)))
     return _compare(cameras, truths, parts, real)
 
@@ -108,11 +108,11 @@ def _compare(
 ) -> RallyContacts:
     """What is proposed in what was found in each camera, beside the true contacts."""
     proposed = propose_contacts(list(cameras.values()), parts)
-    seen = tuple(sum(_seen_around(truth, one.t_us) for truth in truths.values()) for one in real)
+    seen = tuple(sum(seen_around(truth, one.t_us) for truth in truths.values()) for one in real)
     return RallyContacts(real, proposed, match_contacts(proposed, real, MATCH_US), seen)
 
 
-def _detected(truth: PixelTruth, rng: np.random.Generator) -> Proposals:
+def detected(truth: PixelTruth, rng: np.random.Generator) -> Proposals:
     """What a detector finds of a ball that is seen so."""
     seen_us = truth.t_us[truth.visible]
     again_us = seen_us[np.diff(seen_us, prepend=seen_us[:1] - 10 * HIDDEN_US) > HIDDEN_US]
@@ -126,7 +126,7 @@ def _detected(truth: PixelTruth, rng: np.random.Generator) -> Proposals:
     return Proposals(truth.t_us[kept], x, y, truth.r_px[kept], np.full((count, 3), np.nan), WINDOW_US, "drawn#1")
 
 
-def _seen_around(truth: PixelTruth, t_us: int) -> bool:
+def seen_around(truth: PixelTruth, t_us: int) -> bool:
     """Whether the ball is seen in more than half of the 40 ms before, and after."""
     sides = ((truth.t_us >= t_us - 40_000) & (truth.t_us < t_us), (truth.t_us > t_us) & (truth.t_us <= t_us + 40_000))
     return all(truth.visible[side].sum() > side.sum() / 2 for side in sides)

@@ -143,15 +143,27 @@ def _search(path: _Path, times_us: Sequence[float], known: Sequence[Kink]) -> li
     rough = [_rough_kink(path, t_us, known) for t_us in times_us]
     peaks = _peaks([kink for kink in rough if kink is not None], path.config)
     # By the gain of the fit: a rough one next to a contact that nobody knows yet owes its gain to that.
-    fitted = [(_refined_kink(path, peak.t_us, known), peak) for peak in peaks]
+    fitted = [(_kink_among(path, peak.t_us, known, peaks), peak) for peak in peaks]
     chosen: list[Kink] = []
     for _, peak in sorted(fitted, key=lambda pair: 0.0 if pair[0] is None else -pair[0].gain):
-        _add_kink(chosen, _refined_kink(path, peak.t_us, (*known, *chosen)), known, path.config)
+        _add_kink(chosen, _kink_among(path, peak.t_us, (*known, *chosen), peaks), known, path.config)
     final: list[Kink] = []
     for kink in chosen:  # anew: a weaker neighbour was not known yet
         others = [*known, *(other for other in chosen if other is not kink)]
-        _add_kink(final, _refined_kink(path, kink.t_us, others), known, path.config)
+        _add_kink(final, _kink_among(path, kink.t_us, others, peaks), known, path.config)
     return final
+
+
+def _kink_among(path: _Path, t_us: float, known: Sequence[Kink], peaks: Sequence[Kink]) -> Kink | None:
+    """The kink next to a time, with the path up to the known ones, or if that is no flight, up to the nearest peaks.
+
+    A ball that hits the net low falls onto the table 35 ms later: across either contact the path up to 50 ms has two.
+    """
+    kink = _refined_kink(path, t_us, known)
+    if kink is not None or path.hidden:
+        return kink
+    others = [peak for peak in peaks if abs(peak.t_us - t_us) >= path.config.apart_us]
+    return _refined_kink(path, t_us, (*known, *others))
 
 
 def _add_kink(kinks: list[Kink], kink: Kink | None, known: Sequence[Kink], config: ContactProposalConfig) -> None:

@@ -12,7 +12,7 @@ from core.cameras.presets import stereo_preset
 from core.physics import PhysicsConfig
 from core.recordings import PixelTruth
 from core.simulation.bodies.rally_flight import draw_flights
-from core.simulation.flights import FlightSeries, LaunchConfig
+from core.simulation.flights import FlightSeries, LaunchConfig, ParabolicPath
 from core.simulation.scenes.scene import SceneConfig
 from core.simulation.truth import ball_truth, pixel_truths, truth_times
 from labels.assist.contact_proposals import propose_contacts
@@ -138,6 +138,17 @@ def test_two_balls_whose_flights_do_not_meet_have_no_contact(rally: FlightSeries
 def shifted(part: Proposals, by_us: int) -> Proposals:
     """The same so much earlier."""
     return replace(part, t_us=part.t_us - by_us)
+
+
+def test_a_ball_that_falls_from_the_net_onto_the_table_at_once_has_both_contacts() -> None:
+    # 36 ms later: within the 50 ms of path that decide there are two contacts, which no parabola fits.
+    ps = [(1.08, -0.574, 0.2431), (0.0, -0.43, 0.06), (0.0213, -0.4158, 0.02)]
+    vs = [(-6.0, 0.8, -0.134), (0.6, 0.4, -0.95), (0.51, 0.34, 1.169)]
+    t_s = np.array([0.1, 0.28, 0.31557])
+    path = FlightSeries((ParabolicPath(t_s, np.array(ps), np.array(vs), np.zeros((3, 3)), 0.53),))
+    found = propose_contacts(list(CAMERAS.values()), detected(path, np.random.default_rng(11)))
+    assert [contact.kind for contact in found] == [ContactKind.NET, ContactKind.BOUNCE]
+    assert all(abs(one.t_us - 1e6 * t) < 1_000 for one, t in zip(found, t_s[1:], strict=True))
 
 
 def test_a_flight_without_a_contact_has_none(rally: FlightSeries) -> None:
