@@ -134,6 +134,18 @@ def test_a_run_whose_process_number_is_now_anothers_has_failed(run) -> None:
         assert judge(run).phase == "running"
 
 
+def test_a_run_that_ends_elsewhere_while_it_is_judged_is_finished_and_has_not_failed(run, monkeypatch) -> None:
+    """Its process writes its last status, then lets the run go: between the two looks of another app."""
+    write_status(run, dataclasses.replace(STATUS, pid=1))
+
+    def ends_now(run: Path) -> bool:
+        write_status(run, dataclasses.replace(STATUS, state="finished", pid=1))
+        return False
+
+    monkeypatch.setattr("app.shared.trainer.is_held", ends_now)
+    assert judge(run).phase == "finished"
+
+
 @pytest.mark.parametrize(
     ("ended", "said"),
     [
