@@ -112,6 +112,16 @@ def share_text(share: float, digits: int = 3) -> str:
     return f"{min(max(share, least), 1.0 - least) if 0.0 < share < 1.0 else share:.{digits}f}"
 
 
+DASH_CELL: Final = re.compile(r"(>|/ )-(<| /)")
+"""A cell without a figure, or without one of two."""
+NOTHING_MEASURED: Final = "no ball was found or asked for"
+
+
+def with_dashes_explained(table: str, why: str = NOTHING_MEASURED) -> str:
+    """HTML of a table, and below it what its dashes stand for, where it has any."""
+    return f"{table}<div>-: {why}</div>" if DASH_CELL.search(table) else table
+
+
 PAGE: Final = "docs/use/glossary.md"
 
 GLOSSARY: Final[dict[str, str]] = {

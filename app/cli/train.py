@@ -41,7 +41,7 @@ from core.learning.registered_agents import AgentName
 from core.learning.rewards import RewardConfig, RewardKind
 from core.learning.runs.named_runs import NAMED_RUNS, PresetName
 from core.learning.runs.run_files import create_run, read_run, seed_files
-from core.learning.task.environment import ball_state_files
+from core.learning.task.recorded_balls import ball_state_files
 from core.physics.config import Profile
 from core.physics.task import HitRule
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
+import stat
 import threading
 import time
 from collections.abc import Callable
@@ -115,11 +117,11 @@ class Exporter:
         """Exported files, newest first."""
         root = self._workspace.exports
         found: list[ExportedFile] = []
-        for path in [*root.glob("*"), *root.glob("*/*")]:
-            name = path.relative_to(root)
-            if path.is_file() and not any(part.startswith(".") for part in name.parts):
+        for path in (below for top in _shown_in(root) for below in (top, *_shown_in(top))):
+            with contextlib.suppress(FileNotFoundError):  # a person or another server removes files meanwhile
                 about = path.stat()
-                found.append(ExportedFile(name.as_posix(), about.st_size, about.st_mtime))
+                if stat.S_ISREG(about.st_mode):
+                    found.append(ExportedFile(path.relative_to(root).as_posix(), about.st_size, about.st_mtime))
         return tuple(sorted(found, key=lambda file: (-file.changed_s, file.name)))
 
     def path_of(self, name: str) -> Path:
@@ -147,15 +149,23 @@ class Exporter:
 
     def _done(self, files: tuple[Path, ...]) -> None:
         size = sum(path.stat().st_size for path in files)
-        self._ended_s, self._message = time.monotonic(), f"{self._name}: {size_text(size)}"
-        if self._note:
-            self._message += f". {self._note}"
+        note = f". {self._note}" if self._note else ""
+        # The whole message at once: whoever sees one takes it for the result.
+        self._ended_s, self._message = time.monotonic(), f"{self._name}: {size_text(size)}{note}"
 
     def _went_wrong(self, error: Exception) -> None:
         if not isinstance(error, RallyscopeError | ExportCancelledError):
             logger.error("an export failed", exc_info=error)
         self._failed, self._ended_s = True, time.monotonic()
         self._message = str(error) or "it could not be made; the log says why"
+
+
+def _shown_in(folder: Path) -> list[Path]:
+    """What is in a folder and not hidden; nothing of what is no folder, or has gone meanwhile."""
+    try:
+        return [path for path in folder.iterdir() if not path.name.startswith(".")]
+    except (FileNotFoundError, NotADirectoryError):
+        return []
 
 
 def _claim(workspace: Workspace) -> int:

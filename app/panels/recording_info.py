@@ -144,7 +144,7 @@ def harmless_hot_pixels(pixels: int) -> int:
 
 
 def _health_row(name: str, health: Health) -> str:
-    share = "-" if np.isnan(health.on_share) else f"{health.on_share:.0%}"
+    share = "no events" if np.isnan(health.on_share) else f"{health.on_share:.0%}"
     cells = (
         html_text(name), f"{health.duration_us / 1e6:.3f} s", f"{health.event_count:,}",
         f"{health.mean_rate_hz / 1e6:.2f} Mev/s", f"{health.peak_rate_hz / 1e6:.2f} Mev/s",

@@ -166,7 +166,8 @@ class LiveRally:
     @property
     def recorded(self) -> Path | None:
         """File that is being recorded; None if none."""
-        return None if self._recorder is None else self._recorder.path
+        recorder = self._recorder  # read once: another thread may end it meanwhile
+        return None if recorder is None else recorder.path
 
     @property
     def recorded_s(self) -> float:

@@ -86,6 +86,8 @@ def judge_run(
 ) -> RunState:
     """The state of a run: `child_*` and `ended` are of a process that this app started for it, if it did."""
     status = read_status(run)
+    if status is not None and status.state in ("running", "paused") and not child_lives and not is_held(run):
+        status = read_status(run)  # it may have ended between the two looks, and its last status came first
     message = ""
     phase: RunPhase
     if child_lives and (status is None or status.pid != child_pid):

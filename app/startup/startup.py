@@ -245,13 +245,13 @@ class Startup:
         place = marker()
         if place is None:  # no cache for compiled code
             compile_chain(lambda ready, known: self.preparation.advance("chain", ready / known))
-        elif not place.exists() and self._compile_in_child() and not self._stopped:
-            logger.warning("compiling ahead failed: %s", self._children[-1].last_words)  # the player compiles it then
+        elif not place.exists() and (problem := self._compile_in_child()) and not self._stopped:
+            logger.warning("compiling ahead failed: %s", problem)  # the player compiles it then
         self.preparation.finish("chain")
         self._chain_is_compiled.set()
 
-    def _compile_in_child(self) -> int:
-        """Compile after the first picture; returns the exit code.
+    def _compile_in_child(self) -> str:
+        """Compile after the first picture; returns as `_run_child`.
 
         Two cores are busy until then: with the simulation, which takes longest, the app that loads, and the browser.
         """
@@ -306,13 +306,13 @@ class Startup:
     def _make_demo(self) -> None:
         self.preparation.begin("demo")
         path = self._workspace.recording_path(DEMO)
-        if not path.exists() and self._run_child("demo", "app.startup.demo", str(path)):
-            self.preparation.fail("demo", self._children[-1].last_words)
+        if not path.exists() and (problem := self._run_child("demo", "app.startup.demo", str(path))):
+            self.preparation.fail("demo", problem)
             return
         self.preparation.finish("demo")
 
-    def _run_child(self, name: str, *command: str) -> int:
-        """Run a child to its end and give its exit code."""
+    def _run_child(self, name: str, *command: str) -> str:
+        """Run a child to its end; returns its last words if it failed, else nothing. Others may run beside it."""
 
         def hear(line: str) -> None:
             share = share_in(line)
@@ -321,7 +321,7 @@ class Startup:
 
         with self._lock:
             if self._stopped:
-                return 1
+                return "stopped"
             child = ChildProcess(*command, on_line=hear)
             self._children.append(child)
-        return child.wait()
+        return child.last_words if child.wait() else ""

@@ -28,7 +28,7 @@ from benchmarks.machine import describe_machine
 from core.errors import ConfigError
 from core.jobs import ALONE, HERE, JobBackend, open_jobs
 from core.learning.runs.summary import rounded_number, spread_of
-from core.learning.task.environment import ball_state_files
+from core.learning.task.recorded_balls import ball_state_files
 
 Progress = Callable[[float], None]
 

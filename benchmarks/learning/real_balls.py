@@ -42,7 +42,8 @@ from core.learning.config import (
 )
 from core.learning.evaluation.policy_evaluator import PolicyEvaluator, PolicyScore, landing_errors_mm, oracle_actions
 from core.learning.runs.summary import spread_of
-from core.learning.task.environment import ServeBatch, ball_state_files
+from core.learning.task.environment import ServeBatch
+from core.learning.task.recorded_balls import ball_state_files
 from core.physics.episode import strokes_from_actions
 from core.simulation.episodes.closed_form import return_balls
 from core.text import markdown_table

@@ -38,7 +38,8 @@ from core.learning.randomisation import RandomisationConfig
 from core.learning.runs.run_files import create_run, load_policy, read_lines, seed_files
 from core.learning.runs.running import run_training
 from core.learning.runs.summary import spread_of
-from core.learning.task.environment import ball_state_files, evaluation_balls
+from core.learning.task.environment import evaluation_balls
+from core.learning.task.recorded_balls import ball_state_files
 from core.live.worlds.event_environment import EventCameraBackend, EventEnvironmentConfig
 from core.text import markdown_table
 

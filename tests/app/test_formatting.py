@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.formatting import LONGEST_TITLE, notice_of, percent, share_text
+from app.formatting import LONGEST_TITLE, notice_of, percent, share_text, with_dashes_explained
 from app.panels.field_control import field_label
 from core.config import FieldSpec
 from core.detection.stages.localise import LocaliseConfig
@@ -55,3 +55,9 @@ def test_only_a_whole_share_reads_1_and_only_an_empty_one_0(found: int, of: int,
 
 def test_a_share_of_nothing_is_a_dash() -> None:
     assert share_text(float("nan")) == "-"
+
+
+@pytest.mark.parametrize("cell", ["-", "- / 0.000", "0.5 / -"])
+def test_a_table_with_dashes_says_what_they_stand_for(cell: str) -> None:
+    assert with_dashes_explained(f"<td>{cell}</td>").endswith("<div>-: no ball was found or asked for</div>")
+    assert with_dashes_explained("<td>left-hand -0.5 / 1</td>") == "<td>left-hand -0.5 / 1</td>"

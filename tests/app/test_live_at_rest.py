@@ -79,7 +79,7 @@ def stands_until(live: LiveRally, session: Session, leave: Callable[[], None], c
     session.later(come_back)
     time_passes(live)
     assert live.recording.uuid == identity and live.watch.health().blocks_lost == 0
-    assert not live.watch.health().stopped
+    eventually(lambda: not live.watch.health().stopped, "the source to be known as alive", live.watch.health)
 
 
 def test_it_stands_while_nobody_watches_and_goes_on_where_it_was(lab: App, live: LiveRally, tmp_path: Path) -> None:

@@ -157,7 +157,7 @@ class ExportPlanPanel:
         with self._range:
             self._start = gui.add_number("From [s]", 0.0, min=0.0, step=0.001)
             self._end = gui.add_number("To [s]", 0.0, min=0.0, step=0.001)
-            part = gui.add_button_group(
+            self._part = gui.add_button_group(
                 "Take", (ALL, ROUND), hint="The whole recording, or 2 s with the cursor in the middle, or near an end"
             )
         self._view = ViewOptions(gui)
@@ -179,7 +179,7 @@ class ExportPlanPanel:
             )
         when_changed(self._title, lambda _: later(self._show_what_counts))
 
-        @part.on_click
+        @self._part.on_click
         async def _(event: viser.GuiEvent) -> None:
             if event.client is not None:
                 chosen = str(event.target.value)
@@ -228,6 +228,7 @@ class ExportPlanPanel:
         """Another recording, or more of it: offer all of it."""
         self._start.value, self._end.value = start_us / 1e6, end_us / 1e6
         self._span_us = start_us, end_us
+        self._part.options = parts_of(self._span_us)
 
     def _take(self, part: str) -> None:
         start_us, end_us = part_around(self._here_us(), self._span_us) if part == ROUND else self._span_us
@@ -246,6 +247,12 @@ class ExportPlanPanel:
         self._range.visible = not of_run and plan.format != VIEW_PICTURE
         self._contents.visible = not of_run and plan.format == "rrd"
         self._view.show(plan.format if plan.of_view else "")
+
+
+def parts_of(span_us: tuple[int, int]) -> tuple[str, ...]:
+    """What can be taken of a recording: 2 s only of a longer one."""
+    first_us, last_us = span_us
+    return (ALL, ROUND) if last_us - first_us > ROUND_US else (ALL,)
 
 
 def part_around(here_us: int, span_us: tuple[int, int]) -> tuple[int, int]:

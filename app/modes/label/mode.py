@@ -95,8 +95,9 @@ class LabelMode:
         self._display = StatusDisplay(host, self._panel)
         self._sign_in = AnnotatorSignIn(host, self._panel.show_name, self._name_layer)
         host.listen("field", lambda message: self._panel.field_left(message.get("name"), message.get("text")))
-        with self._panel.folder:
+        with self._panel.contacts:
             self._contacts = ContactsPanel(host, actions.act)
+        with self._panel.folder:
             self._merge = MergePanel(
                 host.client.gui,
                 lambda title: host.later(lambda: None if self._comparer is None else self._comparer.choose(title)),

@@ -97,6 +97,9 @@ class LabelPanel:
             self._here = gui.add_html("")
             self._add_view(gui)
             self._add_label(gui)
+            # In sight in a window of 720 px, before what keys and the mouse do as well.
+            self.contacts = gui.add_folder(None)
+            self._add_numbers(gui)
             self._add_assistance(gui)
             with gui.add_folder("Keys", expand_by_default=False):
                 gui.add_html(label_keys_html())
@@ -139,15 +142,11 @@ class LabelPanel:
     def _add_label(self, gui: viser.GuiApi) -> None:
         actions = self._actions
         with gui.add_folder("Label"):
-            self._centre = gui.add_vector2("Centre [px]", (0.0, 0.0), step=0.01, hint="Y G H B nudge it by 0.25 px")
-            self._radius = gui.add_number("Radius [px]", 0.0, min=0.0, step=0.05, hint="0: not known")
             self._state = Choice(gui, "State", tuple(STATE_NAMES.values()), self._choose_state)
             row = gui.add_button_group("Change", ("Copy previous", "Clear"))
             # Buttons of their own: viser's rows of buttons are grey only as a whole.
             self._undo = gui.add_button("Undo (Z)", icon=viser.Icon.ARROW_BACK_UP, disabled=True)
             self._redo = gui.add_button("Redo (Shift Z)", icon=viser.Icon.ARROW_FORWARD_UP, disabled=True)
-        for handle in (self._centre, self._radius):
-            when_changed(handle, lambda _: self._send_numbers())
 
         @row.on_click
         async def _(event: viser.GuiEvent) -> None:
@@ -155,6 +154,13 @@ class LabelPanel:
 
         when_clicked(self._undo, lambda: actions.act("undo"))
         when_clicked(self._redo, lambda: actions.act("redo"))
+
+    def _add_numbers(self, gui: viser.GuiApi) -> None:
+        with gui.add_folder("Centre and radius"):
+            self._centre = gui.add_vector2("Centre [px]", (0.0, 0.0), step=0.01, hint="Y G H B nudge it by 0.25 px")
+            self._radius = gui.add_number("Radius [px]", 0.0, min=0.0, step=0.05, hint="0: not known")
+        for handle in (self._centre, self._radius):
+            when_changed(handle, lambda _: self._send_numbers())
 
     def _add_assistance(self, gui: viser.GuiApi) -> None:
         actions = self._actions

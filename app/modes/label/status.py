@@ -81,22 +81,22 @@ def status_words(
     agreement: CameraAgreement | None,
     proposing: float | None = None,
 ) -> tuple[tuple[str, PaletteIndex], ...]:
-    """The line in the picture: it is always in sight. `proposing`: how far the detector is, while it runs."""
+    """The line in the picture: it is always in sight. `proposing`: how far the detector is, while it runs.
+
+    The panel has the annotator's name, and says that there is nothing to save.
+    """
     view = labelling.view
     if writer.failure is not None:
-        save = ("NOT SAVED", PaletteIndex.HULL_REJECTED)
+        save = (("NOT SAVED", PaletteIndex.HULL_REJECTED),)
     elif writer.waiting:
-        save = ("saving", PaletteIndex.DRAFT)
+        save = (("saving", PaletteIndex.DRAFT),)
     else:
-        save = (
-            ("all saved", PaletteIndex.LABEL)
-            if writer.saved_at is not None or labelling.here.labels
-            else ("nothing to save", PaletteIndex.NO_BALL)
-        )
+        stored = writer.saved_at is not None or labelling.here.labels
+        save = (("all saved", PaletteIndex.LABEL),) if stored else ()
     if view.repeat:
-        return save, ("second look: place the ball again", PaletteIndex.DRAFT)
+        return *save, ("second look: place the ball again", PaletteIndex.DRAFT)
     if labelling.asking is not None:
-        return save, (labelling.asking.question, PaletteIndex.ASKS)
+        return *save, (labelling.asking.question, PaletteIndex.ASKS)
     t_us, known = labelling.t_us, labelling.here
     label, draft = known.labels.get(t_us), draft_at(labelling, t_us)
     if label is not None:
@@ -105,7 +105,7 @@ def status_words(
         here = (state, STATE_INKS[label.state])
     else:
         here = ("proposed", PaletteIndex.DRAFT) if draft is not None else ("unchecked", PaletteIndex.NO_BALL)
-    words = [save, (f"{checked.checked} of {checked.total}", PaletteIndex.TEXT), here]
+    words = [*save, (f"{checked.checked} of {checked.total}", PaletteIndex.TEXT), here]
     contact = contact_near(labelling.contacts, t_us)
     if contact is not None and abs(contact.t_us - t_us) <= view.window_us / 2:
         words.append((str(contact.kind), PaletteIndex.EPIPOLAR))
@@ -113,7 +113,7 @@ def status_words(
         words.append((f"proposing: {percent(proposing)}", PaletteIndex.DRAFT))
     if agreement is not None:
         words.append((f"{agreement_words(agreement)} {agreement.residual_px:.2f} px", PaletteIndex.EPIPOLAR))
-    return (*words, (view.annotator, PaletteIndex.NO_BALL))
+    return tuple(words)
 
 
 def progress_html(checked: Checked) -> str:

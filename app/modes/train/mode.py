@@ -140,6 +140,7 @@ class TrainMode:
             live = self._host.services.rallies.live
             self._run_panel.show(view, self._details, has_rally=live is not None and live.has_robot)
             self._side.show(view, self._details)
+            self._scene.explain(view.run, self._details)
         if view.run is not None and self._details is not None:
             self._maps.submit(map_request(view.run, self._details, self._map_key))
         self._tell_ends(view)

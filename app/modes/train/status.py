@@ -116,10 +116,22 @@ def time_text(seconds: float) -> str:
     return f"{seconds / 3600:.1f} h"
 
 
-def ball_html(replay: Replay | None) -> str:
+def why_no_ball(run: RunState | None, details: Details | None) -> str:
+    """Why the scene has no ball; empty while it is not known what the run has played."""
+    if run is None:
+        return "the table, without a ball"
+    if run.active or (details is not None and details.recent):
+        return "no ball yet"
+    return "" if details is None else "this run has played no ball"
+
+
+def no_ball_html(why: str) -> str:
+    """HTML of a scene without a ball, as high with a reason as without one."""
+    return _box(f"<span style='color:{theme.MUTED}'>{why or '&nbsp;'}</span>")
+
+
+def ball_html(replay: Replay) -> str:
     """HTML of the ball in the scene."""
-    if replay is None:
-        return _box(f"<span style='color:{theme.MUTED}'>no ball yet</span>")
     colour = CASE_HEX[replay.case]
     end = CASE_NAMES[replay.case]
     if math.isfinite(replay.error_mm):

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Final, Protocol
 import viser
 
 from app.background.jobs import LatestWins
-from app.modes.train.status import ball_html
+from app.modes.train.status import ball_html, no_ball_html, why_no_ball
 from app.modes.train.view import Details
 from app.scene.view_camera import VIEWPOINTS
 from app.shared.rallies import PLAYERS, Player
+from app.shared.trainer import RunState
 from app.shared.training_records import Replay, ball_of_line, replay_ball
 from app.widgets import Choice, when_changed
 from core.history.rally_picture import LandingSpot, RallyPicture
@@ -154,7 +155,7 @@ class ScenePanel:
     """The controls of the training's 3D scene, for one browser."""
 
     def __init__(self, gui: viser.GuiApi, actions: SceneActions) -> None:
-        self._ball = gui.add_html(ball_html(None))
+        self._ball = gui.add_html(no_ball_html(""))
         self._player = gui.add_dropdown("Balls of", PLAYERS, hint="The same ball, with noise or as a policy plays it")
         self._view = gui.add_dropdown("View", VIEWS, hint="Drag to turn, wheel to zoom")
         self._speed = Choice(gui, "Speed", tuple(SPEEDS), actions.play_at, hint="Playback speed; 1 is real time")
@@ -163,9 +164,10 @@ class ScenePanel:
         when_changed(self._view, lambda view: actions.look_from(str(view)))
         when_changed(spots, lambda shown: actions.show_spots(bool(shown)))
 
-    def show_ball(self, replay: Replay | None) -> None:
-        """Show the current ball."""
-        self._ball.content = ball_html(replay)
+    def show_ball(self, text: str) -> None:
+        """Say which ball is shown, or why there is none."""
+        if self._ball.content != text:
+            self._ball.content = text
 
     def show_player(self, player: Player) -> None:
         """Show which player replays the balls."""
@@ -208,9 +210,14 @@ class TrainingScene:
     def clear(self) -> None:
         """Clear the scene: nothing is trained, or another run was chosen."""
         self._rally.restart()
-        self._panel.show_ball(None)
+        self._panel.show_ball(no_ball_html(""))
         self._host.world.layers = LAYERS
         self._host.world.draw(RallyPicture())
+
+    def explain(self, run: RunState | None, details: Details | None) -> None:
+        """Say why there is no ball, while there is none."""
+        if self._rally.replay is None:
+            self._panel.show_ball(no_ball_html(why_no_ball(run, details)))
 
     def draw(self, wall_s: float, run: Path, config: RunConfig, details: Details) -> None:
         """Update a run's ball, at most forty times a second."""
@@ -221,8 +228,8 @@ class TrainingScene:
         self._rally.advance(wall_s, run, config, details.seed, details.recent)
         self._host.world.layers = LAYERS
         self._host.world.draw(self._rally.picture(wall_s, details.spots if self._spots else ()))
-        if self._rally.replay is not before:
-            self._panel.show_ball(self._rally.replay)
+        if self._rally.replay not in (None, before):
+            self._panel.show_ball(ball_html(self._rally.replay))
             self._panel.show_view(self._host.world.view)
 
     def close(self) -> None:

@@ -14,7 +14,7 @@ from typing import Any, Final, Literal
 
 from app import theme
 from app.background.child import ChildProcess, share_in
-from app.formatting import html_text, share_text, table_row
+from app.formatting import html_text, share_text, table_row, with_dashes_explained
 from app.modes.tune.label_score import find_reference
 from app.modes.tune.settings import stage_counts_html
 from core.detection import DetectorConfig
@@ -83,14 +83,14 @@ def report_html(title: str, report: TuningReport) -> str:
         _row("held out", "A", start.held_out),
         _row("", "B", best.held_out),
     ]
-    sides = f"<table>{_head(TITLES)}{''.join(rows)}</table>"
+    sides = with_dashes_explained(f"<table>{_head(TITLES)}{''.join(rows)}</table>")
     thresholds = f"<table>{_head(('threshold', 'A', 'B', 'importance'))}{_thresholds(report)}</table>"
     if report.importance:
         thresholds = f"<div>{thresholds}<div style='color:{theme.MUTED}'>{IMPORTANCE}</div></div>"
     head = f"Result of {html_text(title)}, {report.trials} trials. {_verdict(report)}"
     return (
         f"<div style='font-size:12.5px;padding:4px 12px'>{head}"
-        f"<div style='display:flex;gap:24px;align-items:flex-start'>{sides}{thresholds}</div></div>"
+        f"<div style='display:flex;gap:24px;align-items:flex-start'><div>{sides}</div>{thresholds}</div></div>"
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app import theme
-from app.formatting import html_text, share_text, table_row
+from app.formatting import html_text, share_text, table_row, with_dashes_explained
 from app.modes.tune.label_score import labels_to_score
 from app.pictures.palette import METHOD_RGB
 from app.state.client_state import Slot
@@ -211,9 +211,10 @@ def comparison_html(answer: CompareAnswer) -> str:
         if answer.nothing_known:
             counted = f"this camera has neither truth nor labels. {counted}"
     muted = f"color:{theme.MUTED}"
+    table = with_dashes_explained(f"<table>{head}{rows}</table>")
     return (
         f"<div style='font-size:12px;padding:4px 8px'>{html_text(answer.title)}"
-        f"<div style='overflow-x:auto;font-size:11px'><table>{head}{rows}</table></div>"
+        f"<div style='overflow-x:auto;font-size:11px'>{table}</div>"
         f"<div style='{muted}'>{counted}. ms: processor time of a window of each method's own length.</div></div>"
     )
 

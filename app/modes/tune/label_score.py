@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from app.formatting import html_text, share_text, table_row
+from app.formatting import html_text, share_text, table_row, with_dashes_explained
 from core.detection import DetectorConfig
 from core.detection.methods import Method, make_detector, method_config
 from core.metrics.at_times import answers_at
@@ -120,11 +120,12 @@ def label_score_html(title: str, score: LabelScore) -> str:
     rows = "".join(_row(group) for group in (*score.groups, *score.in_time))
     noise = score.noise.by_hand.sigma_px if score.noise is not None and score.noise.by_hand.pairs else None
     noise_text = "not measured" if noise is None else f"{noise:.2f} px a coordinate"
+    table = with_dashes_explained(f"<table>{head}{rows}</table>")
     svg = score_svg(score.curves, f"{title}, against {score.labels} labels by {score.annotator}", noise_px=noise)
     return (
         f"<div style='font-size:12.5px;padding:4px 12px'>{html_text(title)}, against {score.labels} labels by "
         f"{html_text(score.annotator)}; annotator noise: {noise_text}"
-        f"<table>{head}{rows}</table><div style='margin-top:6px'>{svg}</div></div>"
+        f"{table}<div style='margin-top:6px'>{svg}</div></div>"
     )
 
 

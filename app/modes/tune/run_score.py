@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.formatting import html_text, share_text, table_row
+from app.formatting import html_text, share_text, table_row, with_dashes_explained
 from core.detection import DetectorConfig
 from core.detection.methods import Method, make_detector, method_config
 from core.metrics.compare import ClassifiedRun, MethodRun, judge_run, judge_whole_run, whole_reference
@@ -60,9 +60,9 @@ def run_scores_html(rows: list[str]) -> str:
         *("live: age of answer", "live recall", "live error", "live error, extrapolated"),
     )
     head = table_row(titles, "text-align:left;font-weight:500", tag="th")
+    table = with_dashes_explained(f"<table style='width:100%'>{head}{''.join(rows)}</table>")
     return (
-        "<div style='font-size:12.5px;padding:4px 12px'>"
-        f"<table style='width:100%'>{head}{''.join(rows)}</table>"
+        f"<div style='font-size:12.5px;padding:4px 12px'>{table}"
         "Judged against the simulation's truth, as in Compare over time. To judge against labels use Label, Score the "
         "detector. Every millisecond with the whole ball in view for 10 ms asks for a ball, "
         "which is found within 8 px of the truth at the answer's own time, less one delay of sensor and "

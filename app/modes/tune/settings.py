@@ -236,7 +236,7 @@ def stage_counts_html(text: str) -> str:
     return f"<div style='font-size:12px;color:{theme.MUTED};padding:0 12px'>{text}</div>"
 
 
-FOLLOW, FOLLOWING, WHOLE = "Follow the ball", "Follows the ball", "Follow the ball: zoom in first"
+FOLLOW, FOLLOWING, WHOLE = "Follow the ball", "Follow the ball: already on", "Follow the ball: zoom in first"
 """Texts of the button: what it does, or why it is disabled."""
 
 
@@ -255,7 +255,7 @@ class TuneViewPanel:
                 hint="Shows what each stage keeps; keys 1 to 7",
             )  # fmt: skip
             self._zoom = gui.add_slider("Zoom", *ZOOM_RANGE, 0.5, 1.0, hint="Click into the picture to centre it there")
-            self._follow = gui.add_button("Follow the ball", icon=viser.Icon.FOCUS_2)
+            self._follow = gui.add_button(FOLLOW, icon=viser.Icon.FOCUS_2)
             self._slot = Choice(
                 gui, "Config", SLOTS, lambda value: send(SetSlot(value)),  # type: ignore[arg-type]
                 hint="The config that the sliders change",

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app import theme
-from app.formatting import html_text
+from app.formatting import html_text, with_dashes_explained
 from app.modes.watch.ball_scatter import BallScatter, ScatterAxes, draw_scatter, title_of
 from app.modes.watch.figures import muted
 from app.shared.ball_index import BallIndex, BallSource
@@ -113,10 +113,9 @@ def balls_html(rows: Sequence[Mapping[str, object]], links: Sequence[str | None]
     """
     head = "".join(f"<th style='text-align:left;font-weight:400;color:{theme.MUTED}'>{title}</th>" for title in TITLES)
     lines = "".join(f"<tr>{_cells(row, link)}</tr>" for row, link in zip(rows, links, strict=True))
-    return (
-        "<table style='font-size:12px;margin:2px 12px;width:calc(100% - 24px);line-height:1.4;border-spacing:0'>"
-        f"<tr>{head}</tr>{lines}</table>"
-    )
+    table = f"<table style='width:100%;border-spacing:0'><tr>{head}</tr>{lines}</table>"
+    shown = with_dashes_explained(table, "not known of this ball")
+    return f"<div style='font-size:12px;margin:2px 12px;line-height:1.4'>{shown}</div>"
 
 
 def count_html(found: BallIndex, selected: int, first: int) -> str:

@@ -20,7 +20,7 @@ from core.history.shown_prediction import ShownPrediction
 from core.live.link.adaptive_rate import pace_words
 from core.live.link.messages import WorldState
 from core.live.live_player import NOBODY
-from core.live.live_snapshot import RallySnapshot
+from core.live.live_snapshot import PlayerHealth, RallySnapshot
 from core.live.stream_watch import CameraHealth
 from core.physics.episode import Case
 
@@ -52,16 +52,16 @@ def drift_words(report: DriftReport) -> str:
     return f"The calibration{names} has drifted{how_far}"
 
 
-CHANGING = (
-    "Ball speed",
-    "Hit at",
-    "Stereo mismatch",
-    "Placed by",
-    "Hit predicted before the bounce",
-    "Hit predicted after the bounce",
-    "Hit chosen",
-)
-"""Rows that stay without a value: in every flight they come and go, and the others would move."""
+CHANGING: Final = {
+    "Ball speed": "no ball followed",
+    "Hit at": "no hit expected",
+    "Stereo mismatch": "no ball in 3D",
+    "Placed by": "no ball in 3D",
+    "Hit predicted before the bounce": "none now",
+    "Hit predicted after the bounce": "none now",
+    "Hit chosen": "none now",
+}
+"""Rows that stay without a value, with why there is none: they come and go with each flight, and others would move."""
 STAGES: Final = {"pre": "before the bounce", "post": "after the bounce"}
 
 
@@ -108,7 +108,12 @@ def moment_html(
         rows += [("Last stroke, as seen", _last(moment.outcomes)), ("Strokes, as seen", _balls(moment.outcomes))]
     if followed < 1:
         rows.append(("Followed", muted(f"{percent(followed)} of the recording so far")))
-    return figures_html([row for row in rows if row[1] != "-" or row[0] in CHANGING])
+    shown = [
+        (name, muted(CHANGING[name]) if value == "-" else value)
+        for name, value in rows
+        if value != "-" or name in CHANGING
+    ]
+    return figures_html(shown)
 
 
 def live_html(snapshot: RallySnapshot, state: WorldState, status: str, cameras: tuple[CameraHealth, ...] = ()) -> str:
@@ -120,8 +125,8 @@ def live_html(snapshot: RallySnapshot, state: WorldState, status: str, cameras: 
             [("Followed", muted("not yet: the player is loading"))]
             if snapshot.problem == NOBODY
             else [
-                ("Followed", f"{health.state_hz:.0f} times a second, {percentiles_text(health.step)} each"),
-                ("Seen to racket", f"{percentiles_text(health.window_to_sent)}{_on_the_clock(state)}"),
+                ("Followed", _followed(health)),
+                ("Seen to racket", _seen_to_racket(health, state)),
                 *latency_rows(health),
             ]
         ),
@@ -138,6 +143,18 @@ def live_html(snapshot: RallySnapshot, state: WorldState, status: str, cameras: 
     if snapshot.problem and snapshot.problem != NOBODY:
         rows.append(("Problem", coloured(theme.BAD, html_text(snapshot.problem))))
     return figures_html(rows)
+
+
+def _followed(health: PlayerHealth) -> str:
+    if math.isnan(health.step.p50_ms):
+        return muted("no window yet")
+    return f"{health.state_hz:.0f} times a second, {percentiles_text(health.step)} each"
+
+
+def _seen_to_racket(health: PlayerHealth, state: WorldState) -> str:
+    if math.isnan(health.window_to_sent.p50_ms):
+        return muted("no command yet")
+    return f"{percentiles_text(health.window_to_sent)}{_on_the_clock(state)}"
 
 
 def _simulation(state: WorldState, status: str) -> str:

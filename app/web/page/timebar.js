@@ -19,7 +19,7 @@
       <button data-do="on" title="One step on (→)" aria-label="+1">+1</button>
       <button data-do="on10" title="Ten steps forward (Shift+→)" aria-label="+10">+10</button>
       <button data-do="end" title="To the end (End)" aria-label="To the end">${ICONS.end}</button>
-      <label>Time <input id="rallyscope-time" autocomplete="off" title="h:mm:ss.mmm, seconds with a point (1.25), or whole microseconds"></label>
+      <label><span class="word">Time</span> <input id="rallyscope-time" autocomplete="off" title="h:mm:ss.mmm, seconds with a point (1.25), or whole microseconds"></label>
       <span id="rallyscope-us"></span>
       <label>Speed <select id="rallyscope-speed"></select></label>
       <label>Step <select id="rallyscope-step"></select></label>
@@ -187,6 +187,17 @@
       item.style.setProperty("--dot", colour);
       return item;
     }));
+    fitLegend();
+  };
+
+  const fitLegend = () => { // the last ones are left out where there is no room for all
+    const legend = find("#rallyscope-legend"), items = [...legend.children], fits = () => legend.scrollHeight <= legend.clientHeight;
+    for (const item of items) item.hidden = false;
+    legend.removeAttribute("data-more");
+    for (let left = items.length - 1; left > 0 && !fits(); left--) {
+      items[left].hidden = true;
+      legend.dataset.more = `+${items.length - left}`;
+    }
   };
 
   const place = () => { // over the lower edge of viser's picture, whatever panels stand beside it
@@ -194,7 +205,10 @@
     if (!pictures) return;
     const box = pictures.getBoundingClientRect();
     bar.style.left = `${box.left}px`;
-    bar.style.width = `${box.width}px`;
+    if (bar.style.width !== `${box.width}px`) {
+      bar.style.width = `${box.width}px`;
+      fitLegend();
+    }
     draw();
   };
 
@@ -204,6 +218,7 @@
     now = message;
     heard = performance.now();
     rallyscope.rallyRuns = message.live && message.playing;
+    const appears = bar.hidden && message.visible;
     bar.hidden = !message.visible;
     document.body.classList.toggle("rallyscope-with-bar", message.visible);
     const play = button("play");
@@ -217,6 +232,7 @@
     fill(find("#rallyscope-step"), message.steps, String(message.step));
     if (first) watchPlace();
     place();
+    if (appears) fitLegend(); // what is hidden has no size
     showTime();
     if (message.playing && !turning && !rallyscope.bySoftware) { turning = true; turn(); }
   };

@@ -6,9 +6,7 @@ deterministic: the same balls evaluate every policy, and a resumed run meets the
 Backends that observe and play balls: the closed-form simulator, which needs microseconds, or something slower that
 plays the same task, ball by ball: through the event cameras, or in a simulation server.
 
-Balls of human play in place of drawn serves: read once, split by flight into training, validation and test. Every state
-in a file begins a flight of its own, so a flight is never on both sides. Neighbours in a file may be strokes of one
-rally: they stay together in blocks, and whole blocks are assigned to the parts, always in the same way.
+Balls of human play in place of drawn serves: `recorded_balls`.
 """
 
 from __future__ import annotations
@@ -16,8 +14,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Final, Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,12 +30,11 @@ from core.learning.task.drawn_worlds import (
     with_constants,
 )
 from core.learning.task.perception import misjudge, perceive
+from core.learning.task.recorded_balls import BallPart, recorded_balls
 from core.learning.task.timed_points import turned_share
-from core.physics.ball_states import join_serves, read_ball_states
 from core.physics.episode import Arrivals, Outcomes, Serves, Strokes, strokes_from_actions
 from core.physics.task import STAGE_SPEEDS_MPS, ServeConfig, TaskConfig
 from core.simulation.episodes.closed_form import draw_serves, fly_serves, return_balls
-from core.simulation.episodes.incoming import fly_incoming
 
 Floats = NDArray[np.float32]
 SAMPLE = 64
@@ -142,76 +138,6 @@ def observe_all(backend: EpisodeBackend, batch: ServeBatch) -> ServeBatch:
     )
 
 
-BallPart = Literal["training", "validation", "test"]
-PARTS: Final[tuple[BallPart, ...]] = ("training", "validation", "test")
-SHARES: Final = (0.7, 0.1, 0.2)
-BLOCK: Final = 50
-"""Flights that follow one another in a file and stay together."""
-SPLIT_SEED: Final = 20260407
-"""Fixed: no run tests on balls that another one has learned from."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RecordedBalls:
-    """Playable balls and how they arrive."""
-
-    serves: Serves
-    arrivals: Arrivals
-
-
-def recorded_balls(place: str, part: BallPart, task: TaskConfig) -> RecordedBalls:
-    """The playable balls of a part, in the order of the files.
-
-    Raises:
-        ConfigError: if there is nothing playable.
-        RecordingError: if a file cannot be read, or holds something else.
-    """
-    return _parts(tuple((path, path.stat().st_mtime_ns) for path in ball_state_files(place)), task)[PARTS.index(part)]
-
-
-def ball_state_files(place: str) -> tuple[Path, ...]:
-    """The file, or the files of the folder: those whose names end in `.json`.
-
-    Raises:
-        ConfigError: if there is no such place, or nothing in it.
-    """
-    path = Path(place)
-    found = tuple(sorted(path.glob("*.json"))) if path.is_dir() else (path,) if path.is_file() else ()
-    if not found:
-        expected = "serves, spinning, a file of ball states, or a folder of such .json files"
-        raise ConfigError("no recorded balls", expected=expected, where=place)
-    return found
-
-
-def part_of_flights(count: int, block: int = BLOCK) -> NDArray[np.int8]:
-    """(N,) the place in PARTS of each flight of a file."""
-    blocks = -(-count // block)
-    edges = np.round(np.cumsum(SHARES) * blocks).astype(int)
-    parts = np.searchsorted(edges, np.random.default_rng(SPLIT_SEED).permutation(blocks), side="right")
-    return np.repeat(parts, block)[:count].astype(np.int8)
-
-
-@functools.lru_cache(maxsize=4)
-def _parts(files: tuple[tuple[Path, int], ...], task: TaskConfig) -> tuple[RecordedBalls, ...]:
-    """Balls by part, see `PARTS`; changed files are read again."""
-    read = [read_ball_states(path) for path, _ in files]
-    balls = join_serves(read)
-    flown, part = fly_incoming(balls, task).arrivals, np.zeros(0)
-    # A selection of a few flights has too few blocks: then they are as large as leaves no part without a playable ball.
-    for block in range(BLOCK, 0, -1):
-        part = np.concatenate([part_of_flights(len(one), block) for one in read])
-        if len(np.unique(part[flown.legal])) == len(PARTS):
-            break
-    found = []
-    for number, name in enumerate(PARTS):
-        which = flown.legal & (part == number)
-        if not which.any():
-            where = ", ".join(path.name for path, _ in files)
-            raise ConfigError(f"no playable ball for {name}", got=f"{len(balls)} ball states", where=where)
-        found.append(RecordedBalls(balls[which], select_arrivals(flown, which)))
-    return tuple(found)
-
-
 EVALUATION_SEED = 20260404
 """Seed of the fixed balls that every policy is evaluated on; no training uses it."""
 VALIDATION_SEED = 20260405
@@ -296,15 +222,16 @@ def draw_serve_batch(
         rackets_mps = racket_speeds(arrivals, config.task)
         constants = None if constants is None else constants[:count]
     else:
-        serves = draw_serves(speed_mps, count, config.task, rng)
-        arrivals = fly_serves(serves, config.task)
+        serves = draw_serves(speed_mps, count, config.task, rng)  # always: what follows is then drawn as ever
+        if constants is not None and config.randomise.physics:
+            serves, arrivals = draw_differing_serves(speed_mps, constants, config.task, own_rng)
+        else:
+            arrivals = fly_serves(serves, config.task)
         rackets_mps = np.full(count, config.task.stroke.racket_speed.at(speed_mps))
     if config.hit == "chosen":
         from core.learning.task.hit_places import arrivals_where_chosen  # late: the chain loads compiled loops
 
         arrivals = arrivals_where_chosen(serves, arrivals, config)
-    if constants is not None and config.randomise.physics:
-        serves, arrivals = draw_differing_serves(speed_mps, constants, config.task, own_rng)
     perceived = perceive(serves, arrivals, config, rng, racket_speeds_mps=rackets_mps, constants=constants)
     perceived = misjudge(perceived, arrivals, config, own_rng)
     limit_deg = config.task.stroke.action_limit_deg

@@ -74,8 +74,8 @@ def test_a_robot_is_started_stopped_lost_and_back(chromium, robot_lab, arm, open
         window.press("Start the robot")
         page.get_by_text("yes: targets are sent").wait_for()
         eventually(lambda: robot.status.counts.taken, "a target that it takes")
-        moment = rally.history.at(rally.history.followed_us, {})
-        assert moment.picture.racket is not None, "its racket stands in the scene"
+        racket = lambda: rally.history.at(rally.history.followed_us, {}).picture.racket  # noqa: E731
+        eventually(lambda: racket() is not None, "its racket to stand in the scene")
         page.get_by_text("Racket turned by").first.wait_for()
         sent = robot.status.counts.sent
         window.press("Step test")

@@ -109,10 +109,38 @@ def a_bar_button_is_pressed_by_enter(window) -> None:
     eventually(lambda: window.state.playhead.anchor_us == 51_000, "Enter on a button")
 
 
+LEGEND = """() => {
+    const legend = document.getElementById("rallyscope-legend"), end = legend.getBoundingClientRect().bottom;
+    const seen = [...legend.children].filter(one => !one.hidden && one.getBoundingClientRect().bottom <= end + 1);
+    return [seen.map(one => one.textContent), legend.dataset.more || "", legend.title]; }"""
+"""What the legend has in sight, how many it has left out, and its tooltip."""
+
+
+MORE = """rallyscope.handlers.tracks({ duration: 600000, rates: { left: [], right: [] }, contacts: [], top_hz: 0,
+    moments: { bounce: [1], hit: [2] }, runs: { detector: [[0, 1, "found"], [1, 2, "missed"], [2, 3, "false"]] } })"""
+"""Tracks of a recording in which more has happened."""
+
+
+def the_legend_names_all_that_happened_at_1280_px(window) -> None:
+    names, legend = ["left", "right", "bounce"], lambda: window.page.evaluate(LEGEND)
+    eventually(lambda: legend() == [names, "", ", ".join(names)], "all names in sight", legend)
+
+
+def a_legend_without_room_for_all_says_how_many_it_leaves_out(window) -> None:
+    window.page.evaluate(MORE)
+    seen, more, title = window.page.evaluate(LEGEND)
+    names = ["left", "right", "bounce", "hit", "found", "missed", "false"]
+    assert title == ", ".join(names) and 3 < len(seen) < len(names)
+    assert (seen, more) == (names[: len(seen)], f"+{len(names) - len(seen)}")
+    window.screenshot("time-bar-legend")
+
+
 def test_the_bar_is_used_by_mouse_and_by_key(window) -> None:
+    the_legend_names_all_that_happened_at_1280_px(window)
     a_click_on_the_line_goes_there_and_a_drag_scrubs(window)
     a_section_is_repeated_until_it_is_released(window)
     the_keys_of_editing_tables_and_the_arrows_work(window)
     marks_and_bounces_are_gone_to(window)
     a_bar_button_is_pressed_by_enter(window)
+    a_legend_without_room_for_all_says_how_many_it_leaves_out(window)
     modes_are_chosen_by_key_wherever_the_focus_is_but_in_a_field(window)

@@ -113,7 +113,7 @@ def zoom_follows_the_ball_and_a_click_centres_it_elsewhere(tune) -> None:
     """Following is offered only where it does something."""
     assert tune.page.get_by_role("button", name="Follow the ball: zoom in first").is_disabled()
     tune.fill(tune.field("Zoom"), "8")
-    assert tune.page.get_by_role("button", name="Follows the ball").is_disabled()
+    assert tune.page.get_by_role("button", name="Follow the ball: already on").is_disabled()
     sensor = tune.session.recording.cameras[tune.state.camera].sensor
     eventually(lambda: has_shape_of_middle(tune, sensor.height_px / 8), "the zoomed view, as wide as the middle")
     region = region_of(tune)

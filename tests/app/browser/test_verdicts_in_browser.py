@@ -42,12 +42,12 @@ def test_an_answer_to_something_else_is_grey_until_the_right_one_is_there(tune) 
     page = tune.page
     badge, verdict = page.locator("#rallyscope-stale"), page.locator(".rallyscope-answer", has_text="ball at").first
     tune.wait_for_pixels("answer", lambda canvas: count_like(canvas, YELLOW) > 40)
-    assert badge.is_hidden()
+    badge.wait_for(state="hidden")
 
     def opacity() -> float:
         return float(verdict.evaluate("element => getComputedStyle(element).opacity"))
 
-    assert opacity() == 1
+    eventually(lambda: opacity() == 1, "the verdict of what is asked", opacity)
     with no_answers(tune):
         for method in ("refined", "paper"):
             tune.session.send(SetMethod(method))
@@ -57,7 +57,7 @@ def test_an_answer_to_something_else_is_grey_until_the_right_one_is_there(tune) 
     badge.wait_for(state="hidden")
     page.get_by_text("left, paper, config A").first.wait_for()
     tune.wait_for_pixels("answered", lambda canvas: count_like(canvas, YELLOW) > 40)
-    assert opacity() == 1
+    eventually(lambda: opacity() == 1, "the verdict of what was asked last", opacity)
 
 
 def test_changed_settings_of_all_methods_are_marked_and_tuning_asks_before_it_replaces_them(tune) -> None:

@@ -1,3 +1,4 @@
+import os
 import threading
 
 import numpy as np
@@ -34,6 +35,43 @@ def test_names_are_made_by_the_server_and_never_taken_twice(tmp_path) -> None:
     for name in ("../../etc/passwd", "rally-one-3.rrd", ""):
         with pytest.raises(CommandError, match="no such export"):
             exporter.path_of(name)
+
+
+def test_what_is_removed_while_it_is_listed_is_left_out(tmp_path, monkeypatch) -> None:
+    exporter, root = Exporter(Workspace(tmp_path)), tmp_path / "exports"
+    for name in ("kept.rrd", "bag/kept.mcap", "removed/metadata.yaml"):
+        (root / name).parent.mkdir(exist_ok=True)
+        (root / name).write_bytes(b"x")
+    (root / "gone.rrd").symlink_to(root / "nowhere")  # listed, and not there any more
+
+    def without_removed(read):
+        def read_folder(folder):
+            if str(folder).endswith("removed"):
+                raise FileNotFoundError(folder)
+            return read(folder)
+
+        return read_folder
+
+    monkeypatch.setattr(os, "listdir", without_removed(os.listdir))
+    monkeypatch.setattr(os, "scandir", without_removed(os.scandir))
+    assert {file.name for file in exporter.files()} == {"kept.rrd", "bag/kept.mcap"}
+
+
+def test_the_note_is_there_as_soon_as_a_result_is(tmp_path) -> None:
+    seen: list[str] = []
+
+    class Watched(Exporter):
+        """Notes each message that another thread could read."""
+
+        def __setattr__(self, name: str, value: object) -> None:
+            super().__setattr__(name, value)
+            if name == "_message" and value:
+                seen.append(str(value))
+
+    exporter = Watched(Workspace(tmp_path))
+    exporter.start("a", ".rrd", write, lambda: "From 0 s on")
+    eventually(lambda: not exporter.state().running, "the export to end")
+    assert seen == ["a-1.rrd: 2.0 MB. From 0 s on"]
 
 
 def test_one_export_at_a_time_and_a_cancelled_one_leaves_nothing(tmp_path) -> None:

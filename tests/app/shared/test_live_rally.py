@@ -1,6 +1,7 @@
 """Which balls of a live rally are counted."""
 
 import threading
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -83,6 +84,19 @@ def test_a_ball_that_was_served_before_the_chain_followed_is_no_miss() -> None:
         LiveRally.on_notice(rally, notice)  # type: ignore[arg-type]
     assert "missed" in shown() and "0 of 1 returned" in shown()
     assert [(one.balls, one.returned) for one in rally.returns.rates()] == [(1, 0)]
+
+
+def test_a_recording_that_ends_while_it_is_looked_at_harms_nobody() -> None:
+    class Ending:
+        """A rally whose recording is ended by another thread after the first look at it."""
+
+        looks = iter((SimpleNamespace(path=Path("rally.h5")), None))
+
+        @property
+        def _recorder(self) -> SimpleNamespace | None:
+            return next(self.looks)
+
+    assert vars(LiveRally)["recorded"].fget(Ending()) == Path("rally.h5")
 
 
 def test_a_ball_whose_serve_nobody_heard_is_no_miss_either() -> None:

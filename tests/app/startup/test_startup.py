@@ -1,6 +1,7 @@
 """The start beside the app: what fails is said, what is started ends."""
 
 import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -33,6 +34,15 @@ def test_nobody_at_the_address_is_known_at_once(tmp_path) -> None:
     startup = Startup(Workspace(tmp_path), address="tcp://127.0.0.1:1")
     startup.wait_for_change()
     assert "no answer from a simulation server" in str(startup.problem)
+    startup.stop()
+
+
+def test_a_step_that_fails_is_reported_with_the_last_words_of_its_own_child(tmp_path) -> None:
+    startup = Startup(Workspace(tmp_path), address="tcp://127.0.0.1:1")
+    with ThreadPoolExecutor(2) as pool:
+        run = lambda name: startup._run_child("chain", "app.cli", "info", f"{name}.h5")  # noqa: E731
+        one, other = pool.map(run, ("one", "other"))  # beside each other, as the demo and the detector
+    assert "one.h5" in one and "other.h5" in other
     startup.stop()
 
 
@@ -110,7 +120,7 @@ def test_the_detector_is_compiled_after_the_first_picture(tmp_path, monkeypatch)
     begun = threading.Event()
     monkeypatch.setattr("app.startup.startup.marker", lambda: tmp_path / "never-compiled")
     monkeypatch.setattr("app.startup.startup.PICTURE_WITHIN_S", PATIENCE_S)
-    monkeypatch.setattr(Startup, "_run_child", lambda self, name, *command: begun.set() or 0)
+    monkeypatch.setattr(Startup, "_run_child", lambda self, name, *command: begun.set() or "")
     startup = Startup(Workspace(tmp_path), address="tcp://127.0.0.1:1")
     assert startup.preparation.is_first
     startup.wait_for_change()

@@ -16,6 +16,7 @@ from app.modes.export.plan_panel import (
     labels_left_out,
     made_with_html,
     part_around,
+    parts_of,
     usual_annotator,
 )
 from core.detection import DetectorConfig, refined_config
@@ -55,6 +56,11 @@ def test_labels_that_are_left_out_have_a_reason_and_a_way_in() -> None:
 )
 def test_2_s_here_are_2_s_where_there_are(here_us: int, span_us: tuple[int, int], part_us: tuple[int, int]) -> None:
     assert part_around(here_us, span_us) == part_us
+
+
+def test_2_s_are_offered_only_of_a_longer_recording() -> None:
+    assert parts_of((0, 600_000)) == parts_of((0, 2_000_000)) == ("Everything",)
+    assert parts_of((4_000_000, 6_000_001)) == ("Everything", "2 s here")
 
 
 DONE = ExportState("demo-1.rrd", False, 1.0, 3.0, "demo-1.rrd: 2.1 MB", False)

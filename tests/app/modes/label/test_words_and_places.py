@@ -136,6 +136,11 @@ def test_who_comes_from_between_the_times_to_label_goes_to_the_nearest_unless_a_
     assert bench.work.t_us == BALL_US + 500
 
 
+def test_the_picture_does_not_repeat_what_the_panel_says_of_the_annotator_and_of_nothing_to_save(bench: Bench) -> None:
+    words = [text for text, _ in status_words(bench.work, bench.editor.writer, Checked(300, 0, 0), None)]
+    assert words == ["0 of 300", "unchecked"]
+
+
 def test_labels_that_were_stored_before_are_all_saved(bench: Bench, tmp_path: Path, serve_recording: Path) -> None:
     assert "nothing to save" in save_html(bench.work, bench.editor.writer)
     bench.click_truth(BALL_US)

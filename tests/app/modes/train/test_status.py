@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from app.modes.train.status import (
-    ball_html,
     kept_html,
     log_html,
     plan_text,
@@ -14,10 +13,11 @@ from app.modes.train.status import (
     runs_html,
     status_html,
     time_text,
+    why_no_ball,
 )
 from app.modes.train.view import Details, RunsViewer, ViewRequest
 from app.scene.prediction import CASE_NAMES
-from app.shared.trainer import Ended, RunState, Trainer, judge_run
+from app.shared.trainer import Ended, RunPhase, RunState, Trainer, judge_run
 from app.shared.training_records import MetricsStore
 from app.shared.workspace import Workspace
 from core.learning.config import CurriculumConfig
@@ -40,7 +40,20 @@ DEAD_PID = 2**22 + 1
 
 def test_before_the_first_training_a_newcomer_is_told_what_to_do() -> None:
     assert "Train now" in status_html(None, None, None)
-    assert "no ball" in ball_html(None)
+    assert why_no_ball(None, None) == "the table, without a ball"
+
+
+@pytest.mark.parametrize(
+    ("phase", "recent", "why"),
+    [
+        ("running", (), "no ball yet"),
+        ("finished", ({"episode": 1},), "no ball yet"),  # it is worked out
+        ("stopped", (), "this run has played no ball"),
+    ],
+)
+def test_a_ball_is_promised_only_where_one_is_to_come(phase: RunPhase, recent: tuple, why: str) -> None:
+    run, details = dataclasses.replace(STATE, phase=phase), dataclasses.replace(DETAILS, recent=recent)
+    assert why_no_ball(run, details) == why
 
 
 def test_a_plan_is_said_in_one_line() -> None:
@@ -119,6 +132,18 @@ def test_a_run_whose_process_number_is_now_anothers_has_failed(run) -> None:
     assert judge(run).phase == "failed"
     with hold_run(run):
         assert judge(run).phase == "running"
+
+
+def test_a_run_that_ends_elsewhere_while_it_is_judged_is_finished_and_has_not_failed(run, monkeypatch) -> None:
+    """Its process writes its last status, then lets the run go: between the two looks of another app."""
+    write_status(run, dataclasses.replace(STATUS, pid=1))
+
+    def ends_now(run: Path) -> bool:
+        write_status(run, dataclasses.replace(STATUS, state="finished", pid=1))
+        return False
+
+    monkeypatch.setattr("app.shared.trainer.is_held", ends_now)
+    assert judge(run).phase == "finished"
 
 
 @pytest.mark.parametrize(

@@ -110,6 +110,16 @@ def test_a_pace_that_was_settled_on_is_said_in_words_and_is_not_red(snapshot) ->
     assert "1/8 speed instead of 1/2 speed: this machine is busy" in slower
 
 
+def test_what_is_not_known_now_says_why_in_place_of_a_dash(snapshot) -> None:
+    nothing = RallyMoment(0, RallyHistory().at(0, {}).picture, None, None, None, ())
+    said = moment_html(nothing, 15.0, 1.0, cameras=("left", "right", "top"))
+    assert ">-<" not in said and all(why in said for why in ("no ball followed", "no hit expected", "no ball in 3D"))
+    nan = SimpleNamespace(p50_ms=float("nan"), p99_ms=float("nan"))
+    snapshot.health.step = snapshot.health.window_to_sent = nan
+    early = live_html(snapshot, state(), "connected")
+    assert "no window yet" in early and "no command yet" in early and "- ms" not in early
+
+
 def test_figures_have_plain_names_with_their_meaning_as_a_tooltip() -> None:
     nothing = RallyMoment(0, RallyHistory().at(0, {}).picture, None, None, None, ())
     said = moment_html(nothing, 15.0, 1.0)

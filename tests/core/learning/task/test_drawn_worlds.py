@@ -100,6 +100,16 @@ def test_serves_and_targets_are_those_of_the_usual_world(name: str) -> None:
     np.testing.assert_array_equal(other.serves.states(), usual.serves.states())
 
 
+def test_where_the_air_differs_targets_are_the_usual_ones_and_no_usual_serve_is_flown(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    usual = drawn(environment())
+    monkeypatch.delattr("core.learning.task.environment.fly_serves")
+    other = drawn(environment("physics"))
+    np.testing.assert_array_equal(other.goals_m, usual.goals_m)
+    assert (other.serves.states() != usual.serves.states()).any(axis=1).all()
+
+
 def test_a_late_racket_meets_the_ball_later_and_has_less_time_to_turn() -> None:
     usual, late = drawn(environment(), 400), drawn(environment("latency"), 400)
     assert late.aim_t_s is not None and late.aim_ps_m is not None

@@ -9,17 +9,8 @@ import pytest
 
 from core.errors import ConfigError
 from core.learning.config import EnvironmentConfig, RunConfig, environment_profile
-from core.learning.task.environment import (
-    BLOCK,
-    PARTS,
-    SHARES,
-    draw_serve_batch,
-    evaluation_balls,
-    part_of_flights,
-    racket_table,
-    recorded_balls,
-    validation_balls,
-)
+from core.learning.task.environment import draw_serve_batch, evaluation_balls, racket_table, validation_balls
+from core.learning.task.recorded_balls import BLOCK, PARTS, SHARES, part_of_flights, recorded_balls
 from core.physics.ball_states import KEYS
 from core.physics.task import task_profile
 from core.simulation.episodes import draw_serves
