@@ -56,19 +56,17 @@ class LiveCopy:
             raise RecordingError("this moment of the live rally is no longer in memory", remedy="choose a later one")
         # The moment falls on a step, of those that are to be labelled.
         start_us = t_us - (t_us - oldest_us) // step_us * step_us
-        workspace = self._host.services.workspace
-        name = time.strftime("live-%Y%m%d-%H%M%S")
-        path = workspace.recording_path(name)
+        path = self._host.services.workspace.new_live_path()
 
         def work(progress: Callable[[float], None], cancelled: Callable[[], bool]) -> FrozenPart:
             span = Span(start_us, _end_us(recording, t_us, cancelled))
             frozen = freeze(recording, span)
-            return FrozenPart(name, write_frozen(frozen, span, path, progress=progress, cancelled=cancelled))
+            return FrozenPart(path.stem, write_frozen(frozen, span, path, progress=progress, cancelled=cancelled))
 
         self._t_us, self._then = t_us - start_us, then
         self._job.start(work, self._open)
         seconds = (recording.duration_us - start_us) / 1e6
-        self._host.note("Saving the live rally", f"Its last {seconds:.0f} s become the recording {name}.", "blue")
+        self._host.note("Saving the live rally", f"Its last {seconds:.0f} s become the recording {path.stem}.", "blue")
 
     def moment_in(self, recording: Recording) -> int | None:
         """Where the cursor is to be, if this is the recording that was asked for."""

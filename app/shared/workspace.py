@@ -5,16 +5,25 @@ A browser only ever sends names from lists that the server made, or new names, w
 
 from __future__ import annotations
 
+import itertools
 import re
+import threading
+import time
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from core.detection.saved import SavedDetector, load_detector, save_detector
 from core.errors import WRITE_REMEDY, CommandError, ConfigError
 from core.files import begin_unfinished, end_unfinished, put_beside
 
 _SLUG = re.compile(r"[a-z0-9][a-z0-9_-]{0,62}")
+
+
+_naming: Final = threading.Lock()
+_named_live: Final[set[Path]] = set()
+"""Recordings of live rallies that this process has begun or will."""
 
 
 def slug_from(text: str) -> str:
@@ -136,6 +145,18 @@ class Workspace:
     def recording_path(self, name: str) -> Path:
         """Where the recording of this name is or will be."""
         return self.recordings / f"{slug_from(name)}.h5"
+
+    def new_live_path(self) -> Path:
+        """Where the recording of a live rally is to be that is begun now; never the same twice.
+
+        Two browsers may freeze the rally in the same second, and labels hang on each of the recordings.
+        """
+        stem = time.strftime("live-%Y%m%d-%H%M%S")
+        with _naming:
+            paths = (self.recording_path(f"{stem}-{number}" if number else stem) for number in itertools.count())
+            path = next(path for path in paths if path not in _named_live and not path.exists())
+            _named_live.add(path)
+        return path
 
     def _folder(self, name: str) -> Path:
         folder = self.root / name

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from typing import Final
 
@@ -88,7 +87,7 @@ class RecordButton:
     def _toggle(self) -> None:
         path = self._rally.recorded
         if path is None:
-            self._rally.record(self._host.services.workspace.recording_path(time.strftime("live-%Y%m%d-%H%M%S")))
+            self._rally.record(self._host.services.workspace.new_live_path())
             return
         duration_us = self._rally.stop_recording()
         if duration_us:  # else another browser was quicker

@@ -120,3 +120,10 @@ def test_a_folder_that_cannot_be_made_is_one_clear_line(tmp_path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(CommandError, match="choose one with --data"):
         _ = Workspace(tmp_path / "file").recordings
+
+
+def test_recordings_of_the_live_rally_that_are_begun_at_once_have_names_of_their_own(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("app.shared.workspace.time.strftime", lambda _: "live-now")
+    assert Workspace(tmp_path).new_live_path().stem == "live-now"
+    Workspace(tmp_path).recording_path("live-now-1").touch()  # by another program
+    assert Workspace(tmp_path).new_live_path().stem == "live-now-2"
