@@ -58,8 +58,8 @@ class NewRunArguments:
 
     config: Path | None = flag("a config.toml; other options change it", "FILE")
     preset: PresetName | None = flag(
-        "a named run: the paper's, or ours for placing alone, without the paper's rules. Other options change it, but"
-        " for --agent and --config"
+        "a named run: the paper's, its rules with changes of ours, or ours for placing alone without its rules."
+        " Other options change it, but for --agent and --config"
     )
     agent: AgentName | None = setting_flag(
         RunConfig, "agent", what="learning algorithm; the defaults below are those of ddpg, the paper's"

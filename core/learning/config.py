@@ -253,6 +253,9 @@ class DdpgConfig:
     gives the same stroke another reward at every episode."""
     final_rate: float = setting(1.0, 0.001, 1.0)
     """Share of both rates that is left at the end of a stage, approached exponentially; 1 is the paper's agent."""
+    edge_penalty: float = setting(0.0, 0.0, 100.0)
+    """Weight of a penalty that keeps the actor off the edge of the action range, where nothing can be learned: ours, 0
+    is the paper's agent."""
 
     def __post_init__(self) -> None:
         check_settings(self)

@@ -46,6 +46,9 @@ from core.learning.task.reward import Weights, rewards_of
 Array = NDArray[np.float64]
 
 GOAL_SIZE, ACTION_SIZE = 2, 3
+EDGE = 2.0
+"""Before tanh, where `edge_penalty` begins: 0.96 of the action range. Farther out tanh is so flat that the critic's
+slope no longer brings an action back."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,7 +73,8 @@ class DdpgAgent:
         self._config = ddpg = config.ddpg
         critics = 2 if ddpg.twin_critics else 1
         size = STATE_SIZES[config.environment.state] + GOAL_SIZE
-        self.actor = mlp(size, ACTION_SIZE, ddpg.hidden, rng).append(nn.Tanh())
+        self._actor_body = mlp(size, ACTION_SIZE, ddpg.hidden, rng)
+        self.actor = nn.Sequential(*self._actor_body, nn.Tanh())
         self.critics = nn.ModuleList(mlp(size + ACTION_SIZE, 1, ddpg.hidden, rng) for _ in range(critics))
         self.target_actor = copy.deepcopy(self.actor)
         self.target_critics = copy.deepcopy(self.critics)
@@ -118,8 +122,12 @@ class DdpgAgent:
         return descend(torch.stack(losses).sum(), self._critic_optimizer) / len(losses)
 
     def _update_actor(self, batch: Batch) -> float:
-        values = lowest_value(self.critics, batch.observations, self.actor(batch.observations))
-        return descend(-values.mean(), self._actor_optimizer)
+        drive = self._actor_body(batch.observations)
+        loss = -lowest_value(self.critics, batch.observations, torch.tanh(drive)).mean()
+        if self._config.edge_penalty:
+            beyond = (drive.abs() - EDGE).clamp(min=0)
+            loss = loss + self._config.edge_penalty * beyond.square().sum(1).mean()
+        return descend(loss, self._actor_optimizer)
 
     def _sample(self, buffer: ReplayBuffer, weights: Weights, rng: np.random.Generator) -> Batch:
         """Uniformly drawn transitions, and with `relabels` copies of them with new goals and the rewards for these."""

@@ -172,6 +172,23 @@ def test_updates_are_those_of_a_few_lines_of_numpy(target: str) -> None:
             np.testing.assert_allclose(ours, theirs, atol=2e-6)
 
 
+def test_a_penalty_brings_the_actor_back_from_the_edge_where_the_critic_cannot() -> None:
+    def far_out(penalty: float) -> tuple[DdpgAgent, float]:
+        agent = agent_of(edge_penalty=penalty, actor_rate=1e-2)
+        with torch.no_grad():
+            for parameter in agent.actor.parameters():
+                parameter.zero_()
+            agent.actor[4].bias[:] = torch.tensor([8.0, -3.0, 1.0])
+        return agent, agent.learn(filled_buffer(), PROGRESS, np.random.default_rng(0)).actor
+
+    (bare, alone), (held, both) = far_out(0.0), far_out(0.5)
+    assert both - alone == pytest.approx(0.5 * (6.0**2 + 1.0**2), abs=1e-4)
+    before, moved = torch.tensor([8.0, -3.0, 1.0]), held.actor[4].bias
+    # Adam's first step is the rate, whatever the slope: both angles that are too far out come in.
+    torch.testing.assert_close((moved - before)[:2], torch.tensor([-0.01, 0.01]), atol=1e-5, rtol=0)
+    torch.testing.assert_close(moved[2], bare.actor[4].bias[2])
+
+
 def test_nothing_is_learned_before_the_buffer_holds_enough() -> None:
     agent = agent_of(first_update=41)
     before = agent.to_arrays()
