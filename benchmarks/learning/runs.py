@@ -91,6 +91,7 @@ LATER: Final = {
         "state": "plain",
         "recorded": "",
         "spin_noise_radps": 10.0,
+        "hit": "paper",
         "racket": "table",
         "randomise": config_to_mapping(RandomisationConfig()),
     },
