@@ -198,10 +198,16 @@ def test_a_network_could_be_trained_on_a_data_set_as_its_page_says(tmp_path: Pat
     plan = plan_data_set(speeds_mps=(8, 9), recordings_per=2, serves=1, robot=False, making=making)
     run_data_set(plan, tmp_path / "sets" / "speeds")
     script = tmp_path / "page.py"
-    script.write_text("\n".join(DATA_SET_BLOCKS), encoding="utf-8")
+    selected = ["sets/speeds", "--balls", "--where", "kind=bounce speed_mps=6..", "--data-set", "sets/fast-bounces"]
+    subprocess.run(
+        [sys.executable, "-m", "app.cli", "info", *selected],
+        check=True, timeout=PATIENCE_S, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    script.write_text("\n".join([*DATA_SET_BLOCKS, 'print("windows", len(train))']), encoding="utf-8")
     said = run_script(script, folder=tmp_path)
     batches = re.findall(r"^torch.Size\(\[32, 2, 360, 640\]\) tensor\(\[ *(\d+\.\d+), ", said, re.MULTILINE)
     assert len(batches) >= 5 and all(0 <= float(u) < 640 for u in batches)
+    assert numbers(said, r"windows (\d+)")[0] > 50  # of the flights that were selected
 
 
 @pytest.mark.parametrize("code", [*(path.read_text() for path in EXAMPLES.glob("*.py")), *BLOCKS, *DATA_SET_BLOCKS])
