@@ -119,9 +119,15 @@ def rerun_file(
 def _optimize(raw: Path, path: Path) -> None:
     """Let Rerun pack the file: fewer and larger chunks open faster."""
     packed = raw.with_name("packed.rrd")
-    command = [sys.executable, "-P", "-m", "rerun", "rrd", "optimize", raw.name, "-o", packed.name]
-    # In their folder and by names of our own: Rerun takes no name that is not UTF-8.
-    done = subprocess.run(command, cwd=raw.parent, capture_output=True, encoding="utf-8", errors="replace", check=False)
+    names = [raw.name, "-o", packed.name]  # in their folder and of our own: Rerun takes no name that is not UTF-8
+    done = _rerun("optimize", names, raw.parent)
+    if "unrecognized subcommand" in done.stderr:  # its name in rerun-sdk 0.24
+        done = _rerun("compact", names, raw.parent)
     if done.returncode or not packed.is_file():
         raise RecordingError("Rerun could not optimize its file", got=(done.stderr or done.stdout)[-300:])
     packed.replace(path)
+
+
+def _rerun(verb: str, names: Sequence[str], folder: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-P", "-m", "rerun", "rrd", verb, *names]
+    return subprocess.run(command, cwd=folder, capture_output=True, encoding="utf-8", errors="replace", check=False)
