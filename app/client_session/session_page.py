@@ -82,7 +82,7 @@ class PageSession(Protocol):
     """The session's interface for its page."""
 
     def later(self, act: Callable[[], None]) -> None: ...
-    def send(self, command: Command) -> None: ...
+    def apply(self, command: Command) -> None: ...
     def open_recording(self, name: str) -> None: ...
     def note(self, title: str, body: str, color: str) -> None: ...
 
@@ -241,7 +241,7 @@ class SessionPage:
             self._link = values
             self._session.open_recording(values["recording"])
         elif values["mode"] in MODES:
-            self._session.send(SetMode(values["mode"]))  # type: ignore[arg-type]
+            self._session.apply(SetMode(values["mode"]))  # type: ignore[arg-type]
 
     def _open_link(self, message: Message) -> None:
         self._link = values_of(str(message.get("link", "")))

@@ -18,7 +18,7 @@ from app.export.selection import Span
 from app.export.unfinished import Cancelled, Progress, check_cancelled, unfinished_file
 from app.shared.ball_index import BallIndex
 from core.data_sets.card import Json, write_documents
-from core.data_sets.cut_flights import CutFlight, flights_card, flights_manifest
+from core.data_sets.cut_flights import CutFlight, flights_card, flights_manifest, splits_text
 from core.data_sets.facts import RecordingFacts, count_facts
 from core.errors import CommandError
 from core.recordings import open_recording
@@ -50,9 +50,8 @@ class FlightSet:
         """What was done, in a line."""
         selection, total = self.manifest["selection"], self.manifest["total"]
         assert isinstance(selection, dict) and isinstance(total, dict)
-        splits = ", ".join(f"{count} {name}" for name, count in selection["splits"].items())
         flights = "1 flight" if total["recordings"] == 1 else f"{total['recordings']:,} flights"
-        done = f"{flights} ({splits}), {total['centres_2d']:,} centres: {self.folder}"
+        done = f"{flights} ({splits_text(selection['splits'])}), {total['centres_2d']:,} centres: {self.folder}"
         return f"{done}; {left_out_text(selection['left_out'])}" if selection["left_out"] else done
 
 

@@ -145,11 +145,15 @@ COLUMNS: Final = (
 FORMATS: Final = ("", "", "", ",", ",", "", "", "", ",", ",", ",", ".1f")
 
 
+def splits_text(splits: Mapping[str, int]) -> str:
+    """The number of flights of each split, as in `6 training, 1 validation`."""
+    return ", ".join(f"{count} {name}" for name, count in splits.items())
+
+
 def flights_card(manifest: Json) -> str:
     """The manifest as Markdown."""
     selection, entries, total = manifest["selection"], manifest["recordings"], manifest["total"]
     assert isinstance(selection, dict) and isinstance(entries, list) and isinstance(total, dict)
-    splits = ", ".join(f"{count} {name}" for name, count in selection["splits"].items())
     recordings = len({one["flight"]["recording_uuid"] for one in entries})
     lines = [
         f"# Data card: {manifest['title']}",
@@ -159,7 +163,7 @@ def flights_card(manifest: Json) -> str:
         "",
         f"Selected by: {selection['selected_by']}.",
         "",
-        f"Split by {selection['split_by']}: {splits}. No flight is in two splits.",
+        f"Split by {selection['split_by']}: {splits_text(selection['splits'])}. No flight is in two splits.",
         "",
         total_table(total, LABELS),
         "Who says where the ball is:",

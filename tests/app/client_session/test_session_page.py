@@ -1,11 +1,19 @@
 """A page that the processor draws is shown a live rally a few times a second, and what was asked for at once."""
 
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from app.client_session.session_page import FEW_EVERY_S, FrameThrottle
+from app.client_session.session_page import FEW_EVERY_S, FrameThrottle, SessionPage
+from app.shared.workspace import Workspace
+from app.state.browser_memory import BrowserMemory
 from app.state.client_state import ClientState, Configs, History, Playhead
+from app.state.commands import Command, Seek, SetMode
+from app.web.pages import Message, PageConnection
 from core.detection import DetectorConfig
 
 LIVE = Playhead(600_000, live=True, following=True, playing=True, speed=1.0)
@@ -65,3 +73,19 @@ def test_a_rally_that_cannot_keep_up_is_shown_as_often_in_each_of_its_seconds(sh
     pace.hear({"software": True})
     pace.hear_pace(share)
     assert turns(pace, state_of()) == pytest.approx(pictures, rel=0.1)
+
+
+def test_back_changes_the_mode_before_what_was_asked_for_after_it(tmp_path: Path) -> None:
+    inbox: list[Callable[[], None]] = []
+    done: list[Command] = []
+    heard: list[Callable[[Message], None]] = []
+    pages = SimpleNamespace(open=lambda page, listen: heard.append(listen))
+    session = SimpleNamespace(state=state_of(), later=inbox.append, apply=done.append)
+    session.send = lambda command: inbox.append(lambda: done.append(command))
+    with ThreadPoolExecutor(1) as pool:
+        SessionPage(PageConnection("page"), pages, BrowserMemory(Workspace(tmp_path)), pool, session)
+        heard[0]({"type": "go_to_link", "link": "mode=Label"})
+        session.send(Seek(1))
+        while inbox:
+            inbox.pop(0)()
+    assert done == [SetMode("Label"), Seek(1)]
