@@ -49,8 +49,7 @@ def picture_path(camera: str, *, calibrated: bool) -> str:
 def known(part: Callable[..., Part], **settings: object) -> Part:
     """A part of a file with those settings that this version of Rerun has.
 
-    Cameras have no colour in 0.24, the time panel no timeline in 0.25, and the eye no place in 0.26: there the viewer
-    takes its own.
+    In 0.26 the time panel does not play by itself and the eye has no place: there the viewer takes its own.
     """
     names = inspect.signature(part).parameters
     return part(**{name: value for name, value in settings.items() if name in names})
@@ -121,7 +120,7 @@ def _optimize(raw: Path, path: Path) -> None:
     packed = raw.with_name("packed.rrd")
     names = [raw.name, "-o", packed.name]  # in their folder and of our own: Rerun takes no name that is not UTF-8
     done = _rerun("optimize", names, raw.parent)
-    if "unrecognized subcommand" in done.stderr:  # its name in rerun-sdk 0.24
+    if "unrecognized subcommand" in done.stderr:  # its name in rerun-sdk 0.26
         done = _rerun("compact", names, raw.parent)
     if done.returncode or not packed.is_file():
         raise RecordingError("Rerun could not optimize its file", got=(done.stderr or done.stdout)[-300:])

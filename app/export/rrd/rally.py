@@ -20,7 +20,6 @@ from app.export.rrd.paths import (
     RACKET_TARGET,
     TRAIL,
     WORLD,
-    known,
     lengths_of,
     picture_path,
     send,
@@ -105,8 +104,9 @@ def send_racket_shape(stream: rr.RecordingStream, path: str, first_us: int) -> N
     handle = rr.Boxes3D.columns(
         centers=[(-BLADE_M / 2, 0, -0.13)], half_sizes=[(0.011, 0.014, 0.055)], colors=[colour], fill_mode=[mode]
     )
-    send(stream, f"{path}/blade", time_column([first_us]), blade)
-    send(stream, f"{path}/handle", time_column([first_us]), handle)
+    # One row each: rerun-sdk 0.26 would take the three numbers of a colour for three rows.
+    send(stream, f"{path}/blade", time_column([first_us]), blade.partition([1]))
+    send(stream, f"{path}/handle", time_column([first_us]), handle.partition([1]))
 
 
 def log_cameras(stream: rr.RecordingStream, cameras: Mapping[str, Camera | None]) -> None:
@@ -124,8 +124,7 @@ def log_cameras(stream: rr.RecordingStream, cameras: Mapping[str, Camera | None]
         stream.log(path.rsplit("/", 1)[0], pose, static=True)
         K = camera.K.copy()
         K[:2, 2] += HALF_PIXEL
-        pinhole = known(
-            rr.Pinhole,
+        pinhole = rr.Pinhole(
             image_from_camera=K,
             resolution=[camera.sensor.width_px, camera.sensor.height_px],
             camera_xyz=rr.ViewCoordinates.RDF,

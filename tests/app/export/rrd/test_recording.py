@@ -49,7 +49,7 @@ def rerun(*words: str) -> str:
         [sys.executable, "-m", "rerun", "rrd", *words], capture_output=True, text=True, timeout=PATIENCE_S
     )
     assert done.returncode == 0, done.stderr
-    assert not any(word in done.stderr for word in ("WARN", "ERROR", "error:")), done.stderr  # 0.24 exits with 0
+    assert not any(word in done.stderr for word in ("WARN", "ERROR", "error:")), done.stderr  # 0.26 exits with 0
     return done.stdout + done.stderr
 
 
