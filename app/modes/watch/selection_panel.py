@@ -14,8 +14,9 @@ from app.background.jobs import LoopJob, Progress
 from app.export.flight_set import write_flight_set
 from app.modes.mode import ModeHost
 from app.shared.ball_index import BallIndex
-from app.shared.workspace import Workspace, slug_from
+from app.shared.workspace import Workspace, free_path, slug_from
 from core.errors import CommandError
+from core.files import numbered
 from core.recordings import open_recording
 
 TO_LABEL: Final = "To label"
@@ -135,8 +136,8 @@ def write_training(index: BallIndex, rows: NDArray[np.int64], workspace: Workspa
     """
     from labels.balls.launches import write_launches
 
-    path = workspace.exports / f"{name}.json"
-    done = write_launches(path, index.table.take(rows))
+    with free_path(workspace.exports / f"{free}.json" for free in numbered(name)) as path:
+        done = write_launches(path, index.table.take(rows))
     left_out = f", {done.unknown:,} left out (state not known)" if done.unknown else ""
     return f"{done.written:,} launches{left_out}: rallyscope train --balls {path}"
 

@@ -35,6 +35,8 @@ def test_the_launches_of_a_selection_are_written_for_a_training(tmp_path: Path) 
     said = write_training(index, np.arange(10), Workspace(tmp_path), "fast")
     assert said.startswith("10 launches") and "train --balls" in said
     assert len(read_ball_states(tmp_path / "exports" / "fast.json")) == 10
+    assert "fast-2.json" in write_training(index, np.arange(12), Workspace(tmp_path), "fast")
+    assert len(read_ball_states(tmp_path / "exports" / "fast.json")) == 10, "an earlier file stays"
     with pytest.raises(CommandError, match="too few"):
         write_training(index, np.arange(3), Workspace(tmp_path), "few")
 
