@@ -124,7 +124,8 @@ def list_to_label(
         progress(number / len(by_source))
     write_moments(workspace.root, moments)
     count = sum(map(len, moments.values()))
-    return f"{count:,} moments in {len(moments):,} recordings are to be labelled: key K in Label goes to them"
+    where = "1 recording" if len(moments) == 1 else f"{len(moments):,} recordings"
+    return f"Moments to label in {where}: {count:,}. Key K in Label goes to them"
 
 
 def write_training(index: BallIndex, rows: NDArray[np.int64], workspace: Workspace, name: str) -> str:

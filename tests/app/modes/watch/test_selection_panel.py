@@ -21,7 +21,7 @@ from tests.app.shared.test_ball_index import write_recording
 def test_the_times_of_a_selection_are_listed_by_recording(tmp_path: Path) -> None:
     paths = [write_recording(tmp_path / "recordings" / f"{name}.h5", (5.0, 6.0, 7.0)) for name in ("one", "two")]
     index = index_balls(ball_sources(tmp_path), tmp_path)
-    assert "3 moments in 2 recordings" in list_to_label(index, np.array([0, 2, 4]), Workspace(tmp_path))
+    assert "in 2 recordings: 3" in list_to_label(index, np.array([0, 2, 4]), Workspace(tmp_path))
     for path, times in zip(paths, ((0, 400_000), (200_000,)), strict=True):
         with open_recording(path) as recording:
             assert read_moments(tmp_path, recording.uuid) == times
