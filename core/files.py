@@ -9,6 +9,7 @@ from __future__ import annotations
 import _thread
 import errno
 import hashlib
+import itertools
 import json
 import multiprocessing
 import os
@@ -17,7 +18,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Final
@@ -123,6 +124,50 @@ def end_unfinished(folder: Path) -> None:
         os.close(lock)
     if not POSIX:  # the lock was open, so it is still there
         shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def claimed(paths: Iterable[Path]) -> Iterator[Path]:
+    """The first free one of a series of paths without end; within the block no other thread or program gets it.
+
+    Within the block it is to become a file or a folder. Without a claim, two programs on one folder would find the same
+    name free, and the later would replace what the earlier wrote. The claim is a hidden folder beside the path, which a
+    kill frees like any unfinished result. An empty file of the name itself would be listed as a recording.
+
+    Raises:
+        OSError: if the folder cannot be written.
+    """
+    path, claim = next((path, claim) for path in paths if (claim := _claim(path)) is not None)
+    try:
+        yield path
+    finally:
+        end_unfinished(claim)
+
+
+def numbered(stem: str) -> Iterator[str]:
+    """STEM, STEM-2, STEM-3 and so on: names for `claimed` to choose from."""
+    yield stem
+    for number in itertools.count(2):
+        yield f"{stem}-{number}"
+
+
+def _claim(path: Path) -> Path | None:
+    """A locked folder that stands for the path; None if there is something, or another has claimed it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    clear_unfinished(path.parent)
+    claim = beside(path, PREFIX, ".claim")
+    try:
+        claim.mkdir()
+    except FileExistsError:
+        return None
+    lock = _lock_in(claim)
+    if lock is None:  # another took it for one that a kill has left: the next name is as good
+        return None
+    _held[claim] = lock
+    if not path.exists():  # asked after the claim: who had it before has written by now
+        return claim
+    end_unfinished(claim)
+    return None
 
 
 def clear_unfinished(parent: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Final
 
@@ -56,12 +57,14 @@ class LiveCopy:
             raise RecordingError("this moment of the live rally is no longer in memory", remedy="choose a later one")
         # The moment falls on a step, of those that are to be labelled.
         start_us = t_us - (t_us - oldest_us) // step_us * step_us
-        path = self._host.services.workspace.new_live_path()
+        claim = ExitStack()  # the name is told now, and free again when the job is over
+        path = claim.enter_context(self._host.services.workspace.new_live_path())
 
         def work(progress: Callable[[float], None], cancelled: Callable[[], bool]) -> FrozenPart:
-            span = Span(start_us, _end_us(recording, t_us, cancelled))
-            frozen = freeze(recording, span)
-            return FrozenPart(path.stem, write_frozen(frozen, span, path, progress=progress, cancelled=cancelled))
+            with claim:
+                span = Span(start_us, _end_us(recording, t_us, cancelled))
+                frozen = freeze(recording, span)
+                return FrozenPart(path.stem, write_frozen(frozen, span, path, progress=progress, cancelled=cancelled))
 
         self._t_us, self._then = t_us - start_us, then
         self._job.start(work, self._open)

@@ -20,7 +20,7 @@ from app.shared.library import Library
 from app.shared.workspace import Workspace, slug_from
 from core.errors import CommandError, RecordingError
 from core.events import SensorSize
-from core.files import begin_unfinished, end_unfinished, put_beside
+from core.files import begin_unfinished, end_unfinished, numbered, put_beside
 from core.recordings import ImportOrder, check_import, import_recording, open_recording
 from core.recordings.import_facts import ImportFacts
 from core.recordings.log.growing import is_growing
@@ -146,7 +146,7 @@ def _place(source: Path, workspace: Workspace, wanted: str, uuid: str, *, size_b
         known = _already_there(workspace, wanted, uuid, size_bytes=size_bytes)
         if known is not None:
             return known
-        name = next(name for name in _names(wanted) if not _path(workspace, name).exists())
+        name = next(name for name in numbered(wanted) if not _path(workspace, name).exists())
         try:
             put_beside(source, _path(workspace, name))
         except FileExistsError:  # another process was quicker
@@ -155,18 +155,13 @@ def _place(source: Path, workspace: Workspace, wanted: str, uuid: str, *, size_b
 
 
 def _already_there(workspace: Workspace, wanted: str, uuid: str, *, size_bytes: int | None = None) -> str | None:
-    for name in _names(wanted):
+    for name in numbered(wanted):
         path = _path(workspace, name)
         if not path.exists():
             return None
         if _uuid_of(path) == uuid and size_bytes in (None, path.stat().st_size):
             return name
     return None
-
-
-def _names(wanted: str):
-    yield wanted
-    yield from (f"{wanted}-{number}" for number in range(2, 100_000))
 
 
 def _path(workspace: Workspace, name: str) -> Path:

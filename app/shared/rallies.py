@@ -17,7 +17,7 @@ from core.chain.config import PredictionName
 from core.chain.control.controller import BuiltInController
 from core.errors import CommandError
 from core.history.following import Following, Followings, is_stereo
-from core.history.rally_history import RallyHistory, RallyMoment
+from core.history.rally_history import BALL_US, RallyHistory, RallyMoment
 from core.history.rally_picture import People, RallyPicture
 from core.learning.runs.policy_controller import load_controller
 from core.online_learning.controller import NAME
@@ -99,6 +99,11 @@ class WatchedRally:
         if self.live is not None:
             return self.live.drift
         return DriftReport() if self.following is None else self.following.drift.report
+
+    def has_reached(self, t_us: int) -> bool:
+        """Whether the chain has processed this time: up to where a ball would be drawn at it."""
+        is_complete = self.live is None and self.followed >= 1  # its last window ends before the recording does
+        return is_complete or t_us <= self.history.followed_us + BALL_US
 
     @property
     def followed(self) -> float:

@@ -7,6 +7,7 @@ of each run is judged.
 
 from __future__ import annotations
 
+import itertools
 import logging
 import os
 import signal
@@ -21,7 +22,7 @@ from pathlib import Path
 from typing import Final, Literal
 
 from app.shared.job_backends import HERE_ONLY, THIS_MACHINE, JobBackends
-from app.shared.workspace import Workspace, slug_from
+from app.shared.workspace import Workspace, free_path, slug_from
 from core.errors import CommandError, RallyscopeError
 from core.extras import require_package
 from core.files import lock_descriptor
@@ -189,11 +190,12 @@ class Trainer:
         """The run in training."""
         return next((state for state in self.runs() if state.active), None)
 
-    def free_name(self, stem: str) -> str:
-        """Unused run name: the stem with a number."""
+    @contextmanager
+    def free_name(self, stem: str) -> Iterator[str]:
+        """Unused run name: the stem with a number; the run is to be made within the `with` block."""
         stem = slug_from(stem)[:50]
-        taken = set(self._workspace.run_names())
-        return next(name for number in range(1, len(taken) + 2) if (name := f"{stem}-{number}") not in taken)
+        with free_path(self._workspace.run_path(f"{stem}-{number}") for number in itertools.count(1)) as run:
+            yield run.name
 
     def start(self, name: str, config: RunConfig, episodes_per_s: float | None, place: str = THIS_MACHINE) -> str:
         """Start a new run; returns its name.

@@ -5,25 +5,18 @@ A browser only ever sends names from lists that the server made, or new names, w
 
 from __future__ import annotations
 
-import itertools
 import re
-import threading
 import time
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
 from core.detection.saved import SavedDetector, load_detector, save_detector
 from core.errors import WRITE_REMEDY, CommandError, ConfigError
-from core.files import begin_unfinished, end_unfinished, put_beside
+from core.files import begin_unfinished, claimed, end_unfinished, numbered, put_beside
 
 _SLUG = re.compile(r"[a-z0-9][a-z0-9_-]{0,62}")
-
-
-_naming: Final = threading.Lock()
-_named_live: Final[set[Path]] = set()
-"""Recordings of live rallies that this process has begun or will."""
 
 
 def slug_from(text: str) -> str:
@@ -45,6 +38,20 @@ def _holds(path: Path, detector: SavedDetector) -> bool:
         return load_detector(path) == detector
     except ConfigError:
         return False
+
+
+@contextmanager
+def free_path(paths: Iterable[Path]) -> Iterator[Path]:
+    """The first free path of an endless series, to be written within the `with` block; see `core.files.claimed`.
+
+    Raises:
+        CommandError: if the folder cannot be written.
+    """
+    try:
+        with claimed(paths) as path:
+            yield path
+    except OSError as error:
+        raise CommandError("cannot write", got=error.strerror, where=error.filename, remedy=WRITE_REMEDY) from error
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,17 +153,13 @@ class Workspace:
         """Where the recording of this name is or will be."""
         return self.recordings / f"{slug_from(name)}.h5"
 
-    def new_live_path(self) -> Path:
-        """Where the recording of a live rally is to be that is begun now; never the same twice.
+    def new_live_path(self) -> AbstractContextManager[Path]:
+        """Where the recording of a live rally is to be that is begun now; to be made within the `with` block.
 
-        Two browsers may freeze the rally in the same second, and labels hang on each of the recordings.
+        Two browsers, of one server or of two, may freeze the rally in the same second, and labels hang on each of the
+        recordings.
         """
-        stem = time.strftime("live-%Y%m%d-%H%M%S")
-        with _naming:
-            paths = (self.recording_path(f"{stem}-{number}" if number else stem) for number in itertools.count())
-            path = next(path for path in paths if path not in _named_live and not path.exists())
-            _named_live.add(path)
-        return path
+        return free_path(self.recording_path(name) for name in numbered(time.strftime("live-%Y%m%d-%H%M%S")))
 
     def _folder(self, name: str) -> Path:
         folder = self.root / name

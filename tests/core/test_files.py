@@ -200,6 +200,54 @@ def test_json_that_is_missing_damaged_or_no_object_is_empty(tmp_path: Path) -> N
         assert files.read_json(path) == {}
 
 
+CLAIMS = """
+import sys
+from pathlib import Path
+from core.files import claimed, numbered
+with claimed(Path(sys.argv[1]) / name for name in numbered("a")) as path:
+    print(path.name, flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_a_name_that_another_program_has_claimed_is_taken_until_it_ends(tmp_path: Path) -> None:
+    def names():
+        return (tmp_path / name for name in files.numbered("a"))
+
+    with subprocess.Popen(
+        [sys.executable, "-c", CLAIMS, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as other:
+        assert other.stdout is not None and other.stdout.readline() == "a\n"
+        with files.claimed(names()) as path, files.claimed(names()) as here:
+            assert (path.name, here.name) == ("a-2", "a-3")
+            files.replace_file(path, b"ours", durable=False)  # this looks for what kills have left
+            with files.claimed(names()) as still:
+                assert still.name == "a-4"
+        other.kill()
+        other.wait()
+    with files.claimed(names()) as path:
+        assert path.name == "a", "what was killed has written nothing"
+        path.mkdir()
+    with files.claimed(names()) as path:
+        assert path.name == "a-3"
+    assert sorted(os.listdir(tmp_path)) == ["a", "a-2"]
+
+
+def test_a_claim_that_another_takes_for_one_that_was_left_is_no_claim(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    locking, claim = files._lock_in, tmp_path / ".unfinished-a.claim"
+
+    def lock_late(folder: Path) -> int | None:
+        if folder == claim:
+            files.clear_unfinished(tmp_path)
+        return locking(folder)
+
+    monkeypatch.setattr(files, "_lock_in", lock_late)
+    with files.claimed(tmp_path / name for name in ("a", "b")) as path:
+        assert path.name == "b"
+
+
 def test_a_lock_that_is_held_elsewhere_is_refused_until_its_process_is_killed(tmp_path: Path) -> None:
     lock = tmp_path / "folder" / ".lock"
     assert not files.is_held(lock) and not lock.exists(), "asking makes nothing"

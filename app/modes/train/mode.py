@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import nullcontext
 from typing import Final
 
 from app.background.jobs import LatestWins
@@ -58,7 +59,7 @@ class TrainMode:
             self._film_panel = FilmPanel(host, self._filmed)
             with gui.add_folder("A new training", expand_by_default=False):
                 self._form_panel = FormPanel(
-                    gui, self._start, self._choose_preset, host.later, host.services.places.offered
+                    gui, self._start_form, self._choose_preset, host.later, host.services.places.offered
                 )
             with gui.add_folder("In the 3D view"):
                 self._scene = TrainingScene(host, self._failed)
@@ -195,12 +196,16 @@ class TrainMode:
         self._begin_preset(PRESETS[THE_CURRICULUM])
 
     def _begin_preset(self, preset: Preset) -> None:
-        self._host.later(lambda: self._begin(self._trainer.free_name(preset.slug), preset.config, preset.pace))
+        self._host.later(lambda: self._start("", preset.config, preset.slug, preset.pace))
 
-    def _start(self, name: str, config: RunConfig, place: str) -> None:
+    def _start_form(self, name: str, config: RunConfig, place: str) -> None:
         preset = self._form_panel.preset
-        chosen = name.strip() or self._trainer.free_name(preset.slug if preset.config == config else config.agent)
-        self._begin(chosen, config, self._pace, place)
+        self._start(name, config, preset.slug if preset.config == config else config.agent, self._pace, place)
+
+    def _start(self, name: str, config: RunConfig, stem: str, pace: str, place: str = THIS_MACHINE) -> None:
+        """Start a run of that name, or, without one, of a free name made of `stem`."""
+        with nullcontext(name) if name.strip() else self._trainer.free_name(stem) as chosen:
+            self._begin(chosen, config, pace, place)
 
     def _choose_preset(self, preset: Preset) -> None:
         """Choose a preset and its speed; a running training keeps its own speed."""

@@ -171,8 +171,8 @@ class LearningPanel:
         self._rally.learning.reset(learning_start(workspace, self._chosen_start))
 
     def _save_run(self) -> None:
-        name = self._host.services.trainer.free_name("learned-live")
-        self._rally.learning.save(self._host.services.workspace.run_path(name))
+        with self._host.services.trainer.free_name("learned-live") as name:
+            self._rally.learning.save(self._host.services.workspace.run_path(name))
         self._host.later(lambda: self._host.note("Saved", f"{name}: choose it as controller", "green"))
 
     @property

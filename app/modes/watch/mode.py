@@ -311,6 +311,7 @@ class WatchMode:
             returned=self._live is None,
             drift=self._rally.drift,
             cameras=tuple(self._rally.cameras),
+            reached=self._rally.has_reached(moment.t_us),
         )
         self._cameras.show_figures(status_html, figures)
 

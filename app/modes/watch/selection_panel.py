@@ -14,8 +14,9 @@ from app.background.jobs import LoopJob, Progress
 from app.export.flight_set import write_flight_set
 from app.modes.mode import ModeHost
 from app.shared.ball_index import BallIndex
-from app.shared.workspace import Workspace, slug_from
+from app.shared.workspace import Workspace, free_path, slug_from
 from core.errors import CommandError
+from core.files import numbered
 from core.recordings import open_recording
 
 TO_LABEL: Final = "To label"
@@ -123,7 +124,8 @@ def list_to_label(
         progress(number / len(by_source))
     write_moments(workspace.root, moments)
     count = sum(map(len, moments.values()))
-    return f"{count:,} moments in {len(moments):,} recordings are to be labelled: key K in Label goes to them"
+    where = "1 recording" if len(moments) == 1 else f"{len(moments):,} recordings"
+    return f"Moments to label in {where}: {count:,}. Key K in Label goes to them"
 
 
 def write_training(index: BallIndex, rows: NDArray[np.int64], workspace: Workspace, name: str) -> str:
@@ -135,8 +137,8 @@ def write_training(index: BallIndex, rows: NDArray[np.int64], workspace: Workspa
     """
     from labels.balls.launches import write_launches
 
-    path = workspace.exports / f"{name}.json"
-    done = write_launches(path, index.table.take(rows))
+    with free_path(workspace.exports / f"{free}.json" for free in numbered(name)) as path:
+        done = write_launches(path, index.table.take(rows))
     left_out = f", {done.unknown:,} left out (state not known)" if done.unknown else ""
     return f"{done.written:,} launches{left_out}: rallyscope train --balls {path}"
 

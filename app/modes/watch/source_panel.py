@@ -87,7 +87,8 @@ class RecordButton:
     def _toggle(self) -> None:
         path = self._rally.recorded
         if path is None:
-            self._rally.record(self._host.services.workspace.new_live_path())
+            with self._host.services.workspace.new_live_path() as new:
+                self._rally.record(new)
             return
         duration_us = self._rally.stop_recording()
         if duration_us:  # else another browser was quicker

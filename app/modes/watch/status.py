@@ -62,6 +62,8 @@ CHANGING: Final = {
     "Hit chosen": "none now",
 }
 """Rows that stay without a value, with why there is none: they come and go with each flight, and others would move."""
+NOT_REACHED: Final = "not followed up to here yet"
+"""Why they have no value while the chain has not reached the cursor."""
 STAGES: Final = {"pre": "before the bounce", "post": "after the bounce"}
 
 
@@ -75,20 +77,24 @@ def moment_html(
     returned: bool = True,
     drift: DriftReport | None = None,
     cameras: Collection[str] = (),
+    reached: bool = True,
 ) -> str:
     """Ball, predictions and racket at one time; `followed` is the share of the recording that the chain has seen.
+
+    `reached`: whether it has seen this time. If not, its last step is of another one, and no place of a ball is shown.
 
     Without a robot nothing is said of a racket, and without word of outcomes only what was seen of strokes; how many
     came back only where no panel counts them by controller and scene. `drift` is of all that was followed so far. Of
     three `cameras` or more it is said which the ball's place is made of.
     """
     step = moment.step
+    newest = step if reached else None
     sent = moment.sent
     rows = [
         ("Ball speed", "-" if moment.speed_mps is None else f"{moment.speed_mps:.2f} m/s"),
         ("Hit at", _hit_at(moment)),
-        ("Stereo mismatch", _residual(step)),
-        *([("Placed by", _used(step, cameras))] if len(cameras) > 2 else []),
+        ("Stereo mismatch", _residual(newest)),
+        *([("Placed by", _used(newest, cameras))] if len(cameras) > 2 else []),
         *([] if drift is None else [drift_row(drift)]),
         ("Hit predicted before the bounce", _hit(step.before if step else None, moment.t_us)),
         ("Hit predicted after the bounce", _hit(step.after if step else None, moment.t_us)),
@@ -109,7 +115,7 @@ def moment_html(
     if followed < 1:
         rows.append(("Followed", muted(f"{percent(followed)} of the recording so far")))
     shown = [
-        (name, muted(CHANGING[name]) if value == "-" else value)
+        (name, muted(CHANGING[name] if reached else NOT_REACHED) if value == "-" else value)
         for name, value in rows
         if value != "-" or name in CHANGING
     ]

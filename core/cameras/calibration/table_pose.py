@@ -19,7 +19,7 @@ from core.cameras.calibration.table_corners import CLICKS_AT_LEAST, CORNERS, Cli
 from core.cameras.calibration_file import save_calibration
 from core.cameras.camera import Camera
 from core.errors import CalibrationError
-from core.files import replace_file
+from core.files import claimed, numbered, replace_file
 from core.geometry import make_transform
 
 Array = NDArray[np.float64]
@@ -114,9 +114,6 @@ def clicks_of(marks: Mapping[str, tuple[float, float]]) -> Clicks:
     return Clicks(tuple(known), np.array(list(known.values()), np.float64).reshape(-1, 2))
 
 
-MAX_NAMES: Final = 1000
-
-
 @dataclass(frozen=True, slots=True)
 class TableFiles:
     """What was written."""
@@ -149,33 +146,18 @@ def write_table_calibration(
     Raises:
         CalibrationError: if they cannot be written.
     """
-    calibration = _new_file(folder, stem)
-    save_calibration(calibration, {name: pose.camera for name, pose in poses.items()})
-    corners, text = calibration.with_suffix(".csv"), io.StringIO()
+    text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(("camera", "corner", "u_px", "v_px"))
     for camera, clicked in clicks.items():
         for corner, (u_px, v_px) in zip(clicked.names, clicked.uvs_px.tolist(), strict=True):
             writer.writerow((camera, corner, f"{u_px:.2f}", f"{v_px:.2f}"))
+    names = (folder / f"{name}.toml" for name in numbered(stem))
     try:
-        replace_file(corners, text.getvalue().encode(), durable=True)
+        with claimed(path for path in names if not path.with_suffix(".csv").exists()) as calibration:
+            save_calibration(calibration, {name: pose.camera for name, pose in poses.items()})
+            corners = calibration.with_suffix(".csv")
+            replace_file(corners, text.getvalue().encode(), durable=True)
     except OSError as error:
-        raise CalibrationError("cannot write the corners", got=error.strerror, where=corners) from error
+        raise CalibrationError("cannot write the calibration", got=error.strerror, where=folder / stem) from error
     return TableFiles(calibration, corners)
-
-
-def _new_file(folder: Path, stem: str) -> Path:
-    """An empty file of a name that was free, of which the other is free too."""
-    for number in range(1, MAX_NAMES):
-        path = folder / (f"{stem}.toml" if number == 1 else f"{stem}-{number}.toml")
-        if path.with_suffix(".csv").exists():
-            continue
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            path.touch(exist_ok=False)
-        except FileExistsError:
-            continue
-        except OSError as error:
-            raise CalibrationError("cannot write the calibration", got=error.strerror, where=path) from error
-        return path
-    raise CalibrationError("no free name for the calibration", where=folder / stem)

@@ -3,7 +3,8 @@ import sys
 
 import pytest
 
-from app.shared.workspace import Workspace, slug_from
+from app.shared.library import Library
+from app.shared.workspace import Workspace, free_path, slug_from
 from core.config import replace_setting, save_config
 from core.detection import DetectorConfig
 from core.detection.saved import SavedDetector, load_detector
@@ -124,6 +125,15 @@ def test_a_folder_that_cannot_be_made_is_one_clear_line(tmp_path) -> None:
 
 def test_recordings_of_the_live_rally_that_are_begun_at_once_have_names_of_their_own(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("app.shared.workspace.time.strftime", lambda _: "live-now")
-    assert Workspace(tmp_path).new_live_path().stem == "live-now"
-    Workspace(tmp_path).recording_path("live-now-1").touch()  # by another program
-    assert Workspace(tmp_path).new_live_path().stem == "live-now-2"
+    Workspace(tmp_path).recording_path("live-now-2").touch()
+    with Workspace(tmp_path).new_live_path() as one, Workspace(tmp_path).new_live_path() as other:
+        assert (one.stem, other.stem) == ("live-now", "live-now-3")
+        assert Library(Workspace(tmp_path)).names() == ("live-now-2",), "a claim is no recording"
+    with Workspace(tmp_path).new_live_path() as again:
+        assert again == one, "nothing was recorded"
+
+
+def test_a_folder_that_takes_no_file_is_one_clear_line(tmp_path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(CommandError, match="cannot write"), free_path([tmp_path / "file" / "a.json"]):
+        pass

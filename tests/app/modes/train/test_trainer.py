@@ -102,10 +102,12 @@ def test_a_training_that_cannot_go_on_says_why(trainer: Trainer, state_of) -> No
 
 def test_names_come_from_the_server_or_become_slugs(trainer: Trainer) -> None:
     workspace = trainer._workspace
-    assert trainer.free_name("first") == "first-1"
+    with trainer.free_name("first") as name, trainer.free_name("first") as other:
+        assert (name, other) == ("first-1", "first-2")
     (workspace.runs / "first-1").mkdir()
     (workspace.runs / "first-1" / "config.toml").write_text("colour = 1")
-    assert trainer.free_name("first") == "first-2"
+    with trainer.free_name("first") as name:
+        assert name == "first-2"
     for name in ("../../etc", "no-such-run"):
         with pytest.raises(RallyscopeError, match="no such run"):
             trainer.resume(name)

@@ -21,7 +21,7 @@ from tests.app.shared.test_ball_index import write_recording
 def test_the_times_of_a_selection_are_listed_by_recording(tmp_path: Path) -> None:
     paths = [write_recording(tmp_path / "recordings" / f"{name}.h5", (5.0, 6.0, 7.0)) for name in ("one", "two")]
     index = index_balls(ball_sources(tmp_path), tmp_path)
-    assert "3 moments in 2 recordings" in list_to_label(index, np.array([0, 2, 4]), Workspace(tmp_path))
+    assert "in 2 recordings: 3" in list_to_label(index, np.array([0, 2, 4]), Workspace(tmp_path))
     for path, times in zip(paths, ((0, 400_000), (200_000,)), strict=True):
         with open_recording(path) as recording:
             assert read_moments(tmp_path, recording.uuid) == times
@@ -35,6 +35,8 @@ def test_the_launches_of_a_selection_are_written_for_a_training(tmp_path: Path) 
     said = write_training(index, np.arange(10), Workspace(tmp_path), "fast")
     assert said.startswith("10 launches") and "train --balls" in said
     assert len(read_ball_states(tmp_path / "exports" / "fast.json")) == 10
+    assert "fast-2.json" in write_training(index, np.arange(12), Workspace(tmp_path), "fast")
+    assert len(read_ball_states(tmp_path / "exports" / "fast.json")) == 10, "an earlier file stays"
     with pytest.raises(CommandError, match="too few"):
         write_training(index, np.arange(3), Workspace(tmp_path), "few")
 

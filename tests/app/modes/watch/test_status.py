@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from app.formatting import html_text
 from app.modes.watch.figures import STAGE_WORDS, learned_words
 from app.modes.watch.missed_ball import missed_html
 from app.modes.watch.status import drift_row, live_html, moment_html
+from app.shared.rallies import WatchedRally
 from core.cameras.stereo import EpipolarDrift
 from core.chain.calibration_drift import DriftReport
 from core.history.missed_balls import MissedBall
@@ -23,6 +25,11 @@ from core.live.live_snapshot import STAGES, stage_latencies
 from core.physics.episode import Case
 from core.trajectory.filter_config import FilterConfig
 from core.trajectory.learned_constants import nothing_learned
+
+if TYPE_CHECKING:
+    from app.shared.live_rally import LiveRally
+    from core.chain.chain import BallPoint
+    from core.history.following import Following
 
 
 def state(**more) -> WorldState:
@@ -118,6 +125,25 @@ def test_what_is_not_known_now_says_why_in_place_of_a_dash(snapshot) -> None:
     snapshot.health.step = snapshot.health.window_to_sent = nan
     early = live_html(snapshot, state(), "connected")
     assert "no window yet" in early and "no command yet" in early and "- ms" not in early
+
+
+def test_where_the_chain_has_not_been_no_earlier_place_of_the_ball_is_shown() -> None:
+    point = SimpleNamespace(residual_px=0.04, covariance_m2=1e-6 * np.eye(3))
+    step = RallyStep(300_000, cast("BallPoint", point), {}, None, None, None, 0.0, frozenset(("left", "right")))
+    later = RallyMoment(900_000, RallyHistory().at(0, {}).picture, step, None, None, ())
+    for reached in (True, False):
+        said = moment_html(later, 15.0, 0.4, cameras=("left", "right", "top"), reached=reached)
+        assert ("0.04 px" in said, "2 of 3 cameras" in said) == (reached, reached)
+        assert ("not followed up to here yet" in said, "no hit expected" in said) == (not reached, reached)
+
+
+def test_a_time_is_reached_once_the_chain_has_been_there_or_has_seen_all() -> None:
+    history = cast("RallyHistory", SimpleNamespace(followed_us=300_000))
+    for share, reached in ((0.4, False), (1.0, True)):
+        rally = WatchedRally(history, {}, None, cast("Following", SimpleNamespace(share=share)))
+        assert rally.has_reached(310_000) and rally.has_reached(900_000) == reached
+    live = WatchedRally(history, {}, cast("LiveRally", SimpleNamespace()), None)
+    assert live.has_reached(310_000) and not live.has_reached(900_000), "a live rally is never complete"
 
 
 def test_figures_have_plain_names_with_their_meaning_as_a_tooltip() -> None:
