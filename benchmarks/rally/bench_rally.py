@@ -23,7 +23,14 @@ from numpy.typing import NDArray
 
 from benchmarks.machine import describe_machine, machine_words, report_rows_to, two_digits
 from benchmarks.rally.closed_loop import ClosedLoop, PlayedBall
-from benchmarks.rally.hit_point import HIT_POINT, LEAD_TITLES, hit_cells, hit_point_rows, newest_hit_errors_mm
+from benchmarks.rally.hit_point import (
+    HIT_POINT,
+    LEAD_TITLES,
+    hit_cells,
+    hit_point,
+    hit_point_rows,
+    newest_hit_errors_mm,
+)
 from core.cameras import stereo_preset
 from core.cameras.presets import SENSOR_720
 from core.chain.config import ChainConfig, HitRule, published_chain
@@ -38,11 +45,11 @@ from core.live.worlds.world import Block, WorldConfig
 from core.metrics.score import binomial_interval
 from core.physics.config import Profile
 from core.physics.episode import Case
+from core.physics.flight import air_from_config
 from core.physics.task import STAGE_SPEEDS_MPS, TaskConfig, task_profile
 from core.recordings import BallTruth
 from core.simulation.episodes import draw_serves
 from core.text import markdown_table
-from core.trajectory.prediction import HitPlane
 
 CHAIN_NAMES: Final = {
     "filter": "the live rally's: detector `refined`, every point counts",
@@ -174,16 +181,13 @@ class Watched:
     ps_world_m: list[Array] = field(default_factory=list)
     truth: list[BallTruth] = field(default_factory=list)
     step_s: list[float] = field(default_factory=list)
-    told: list[tuple[int, HitPlane]] = field(default_factory=list)
-    """When each hit point was known, at the end of its block, and the point."""
+    told: list[tuple[int, Array]] = field(default_factory=list)
+    """When each hit point was known, at the end of its block, and the point (3,)."""
 
     def on_progress(self, block: Block, states: list[PlayerState]) -> None:
         """A block and its steps."""
         self.truth.append(block.ball)
-        for state in states:
-            found = state.chain.prediction
-            if state.chain.is_new and found is not None and found.hit_plane is not None:
-                self.told.append((block.end_us, found.hit_plane))
+        self.told += [(block.end_us, place) for state in states if (place := hit_point(state)) is not None]
         for state in states:
             self.step_s.append(state.chain.seconds.total + state.control_s)
             if state.chain.point is not None:
@@ -313,6 +317,7 @@ def measure_rally(
         point_sigma_m=point_sigma_m,
     )
     watched, played = [], []
+    air = air_from_config(world.task.physics)
     began_s = time.perf_counter()
     try:
         for _ in range(balls):
@@ -329,7 +334,7 @@ def measure_rally(
         **_returns(played, BuiltInController(world.task).goal_m),
         **_errors(watched),
         **_times(watched),
-        "hit_point": hit_point_rows([newest_hit_errors_mm(one.told, one.whole_truth()) for one in watched]),
+        "hit_point": hit_point_rows([newest_hit_errors_mm(one.told, one.whole_truth(), air) for one in watched]),
         "wall_s_per_ball": (time.perf_counter() - began_s) / balls,
         "lost": dict(Counter(cause_of_loss(ball) for ball in played if not ball.returned)),
     }

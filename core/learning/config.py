@@ -153,9 +153,6 @@ class EnvironmentConfig:
         if names and self.state_source == "events":
             remedy = "take another state source, or leave it out"
             raise ConfigError("cameras see one world", got=names, where="randomise", remedy=remedy)
-        if self.hit == "chosen" and (self.randomise.physics or self.randomise.calibration):
-            remedy = 'leave them out, or `hit = "paper"`'  # both are drawn for balls that come to the plane
-            raise ConfigError("balls are met at the plane where these differ", got=names, where="hit", remedy=remedy)
         if self.recorded and self.randomise.physics:
             expected = "latency, rubber, calibration"
             raise ConfigError("recorded balls come as they flew", expected=expected, got=names, where="randomise")

@@ -85,6 +85,12 @@ def test_other_seeds_and_steeper_serves_are_other_balls_and_lost_ones_have_a_cau
         assert sum(row["lost"].values()) == round(2 * (1 - row["returned"]))
 
 
+def test_a_ball_that_is_met_before_the_plane_has_a_newest_hit_point_too() -> None:
+    found = run(lambda share: None, chain="points", balls=1, speeds=(3.0,), physics="real", hit="chosen", seed=7)
+    (at_50_ms,) = (row for row in found["hit_point"] if row["lead_ms"] == 50)  # type: ignore[attr-defined]
+    assert at_50_ms["told"] == 1 and at_50_ms["median_mm"] < 20
+
+
 def test_a_ball_is_lost_for_what_was_chosen_before_what_was_seen() -> None:
     nobody = HitChoice(0, None, (), "below the table's top")
     ball = PlayedBall(3.0, judged(Case.MISSED), (), float("nan"), nobody)

@@ -231,7 +231,7 @@ def draw_serve_batch(
     if config.hit == "chosen":
         from core.learning.task.hit_places import arrivals_where_chosen  # late: the chain loads compiled loops
 
-        arrivals = arrivals_where_chosen(serves, arrivals, config)
+        arrivals = arrivals_where_chosen(serves, arrivals, config, constants)
     perceived = perceive(serves, arrivals, config, rng, racket_speeds_mps=rackets_mps, constants=constants)
     perceived = misjudge(perceived, arrivals, config, own_rng)
     limit_deg = config.task.stroke.action_limit_deg

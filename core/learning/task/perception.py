@@ -149,7 +149,9 @@ def misjudge(
     aim_ps_m = states[:, :3] if perceived.aim_ps_m is None else perceived.aim_ps_m
     aim_t_s = arrivals.t_s if perceived.aim_t_s is None else perceived.aim_t_s
     if ranges.calibration:
-        states, late_s = _in_another_frame(states, config.task.stroke.hit_plane_x_m, ranges, rng)
+        places_x_m = _places_x_m(arrivals, config)
+        hit_xs_m = config.task.stroke.hit_plane_x_m if places_x_m is None else places_x_m
+        states, late_s = _in_another_frame(states, hit_xs_m, ranges, rng)
         aim_ps_m, aim_t_s = aim_ps_m + states[:, :3] - perceived.states[:, :3], aim_t_s + late_s
     if ranges.latency:
         late_s = 1e-3 * ranges.latest_ms * rng.uniform(0, 1, n)
@@ -158,7 +160,7 @@ def misjudge(
 
 
 def _in_another_frame(
-    states: Array, hit_x_m: float, ranges: RandomisationConfig, rng: np.random.Generator
+    states: Array, hit_xs_m: float | Array, ranges: RandomisationConfig, rng: np.random.Generator
 ) -> tuple[Array, Array]:
     """States (N, S), each in a frame that is turned and shifted, and how much later (N,) s each ball is expected."""
     n, states = len(states), states.copy()
@@ -167,9 +169,9 @@ def _in_another_frame(
     for start in range(0, min(states.shape[1], 9), 3):  # place, velocity, spin; its standard deviations stay
         states[:, start : start + 3] = _turned(states[:, start : start + 3], axes, angles)
     states[:, :3] += ranges.shifted_m * rng.uniform(-1, 1, (n, 3))
-    # p_c lies in the hitting plane by definition: a ball that is before it is expected there later. One that was not
+    # p_c lies in the plane of its hit by definition: a ball that is before it is expected there later. One that was not
     # seen has no velocity.
-    late_s = np.divide(hit_x_m - states[:, 0], states[:, 3], out=np.zeros(n), where=states[:, 3] != 0)
+    late_s = np.divide(hit_xs_m - states[:, 0], states[:, 3], out=np.zeros(n), where=states[:, 3] != 0)
     states[:, :3] += states[:, 3:6] * late_s[:, None]
     return states, late_s
 

@@ -9,9 +9,12 @@ import pytest
 
 from core.chain.control.hit_choice import PAPER_X_M, HitChoiceConfig
 from core.learning.config import EnvironmentConfig, StateSource
+from core.learning.randomisation import RandomisationConfig
+from core.learning.task.drawn_worlds import with_constants
 from core.learning.task.environment import ServeBatch, draw_serve_batch, play
 from core.physics.episode import Case
 from core.physics.task import task_profile
+from core.simulation.episodes.closed_form import fly_serves
 
 pytestmark = pytest.mark.numeric
 SLOW = EnvironmentConfig(task=task_profile("real"), state_source="truth", hit="chosen")
@@ -61,3 +64,26 @@ def test_mujoco_plays_the_strokes_where_the_closed_form_does() -> None:
     np.testing.assert_array_equal(closed.case, stepped.case)
     np.testing.assert_allclose(closed.hit_states[:, 0], batch.states[:, 0], atol=1e-6)
     np.testing.assert_allclose(stepped.landings_m, closed.landings_m, atol=2e-3)
+
+
+def test_a_ball_of_another_world_is_met_where_it_flies_there() -> None:
+    differs = dataclasses.replace(SLOW, randomise=RandomisationConfig(physics=True, rubber=True))
+    batch, at_plane = drawn(differs, count=6), drawn(dataclasses.replace(differs, hit="paper"), count=6)
+    assert batch.constants is not None
+    np.testing.assert_array_equal(batch.constants, at_plane.constants)
+    assert (np.abs(batch.states[:, 0] - PAPER_X_M) > 1e-6).any()
+    for i in range(6):
+        own = with_constants(differs.task, batch.constants[i])
+        there = dataclasses.replace(own, stroke=dataclasses.replace(own.stroke, hit_plane_x_m=batch.states[i, 0]))
+        np.testing.assert_allclose(fly_serves(batch.serves[i : i + 1], there).states[0, :6], batch.states[i], atol=1e-9)
+    assert np.isin(play(batch, np.tile(FACE_UP, (6, 1)), differs).case, (Case.MISSED,)).sum() == 0
+
+
+def test_a_wrong_calibration_shifts_the_state_within_the_plane_where_the_ball_is_met() -> None:
+    exact, seen = drawn(SLOW), drawn(dataclasses.replace(SLOW, randomise=RandomisationConfig(calibration=True)))
+    np.testing.assert_allclose(seen.states[:, 0], exact.states[:, 0], atol=1e-9)
+    assert (np.abs(exact.states[:, 0] - PAPER_X_M) > 1e-6).any()
+    assert 1e-3 < np.abs(seen.states[:, 1:3] - exact.states[:, 1:3]).max() < 0.05
+    assert seen.aim_ps_m is not None and seen.aim_t_s is not None
+    np.testing.assert_allclose(seen.aim_ps_m, seen.states[:, :3])
+    assert 1e-4 < np.abs(seen.aim_t_s - exact.arrivals.t_s).max() < 0.01
