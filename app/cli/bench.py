@@ -91,7 +91,7 @@ class BenchArguments:
     soak: PositiveFloat | None = flag("under load for so long (app)", "MINUTES")
     only: str | None = flag(
         "return, page, pace, cameras, rest or space (app); scenes, wrong, alone, faults or pace (cameras); "
-        "a row (robustness); real-balls (learning); "
+        "a row (robustness); claims or real-balls (learning); "
         "a method (paper-perception with --recorded)",
         "NAME",
         "all",

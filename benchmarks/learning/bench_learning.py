@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
+from benchmarks.learning.claims import claim_batches, claim_experiments, claims_section
 from benchmarks.learning.plan import Counts, Experiment, counts_of, is_minor, plan
 from benchmarks.learning.real_balls import real_balls_section, real_experiments, seen_people
 from benchmarks.learning.report import replace_section, write_learning_report
@@ -35,7 +36,7 @@ Progress = Callable[[float], None]
 FOLDER = Path("rallyscope-data/bench-learning")
 REPORT = Path("docs/measured/learning-report.md")
 CLOCK = "processor time of one thread"
-SECTIONS: Final = ("real-balls",)
+SECTIONS: Final = ("claims", "real-balls")
 """Parts of the report that can be made alone."""
 SEEDS_AT_A_TIME = 5
 EVENT_BALL = 200
@@ -68,23 +69,26 @@ def run(
         ball_state_files(recorded)
         recorded = str(Path(recorded).resolve())
     machine = describe_machine("numpy", "torch", "numba", clock=CLOCK)
-    real = real_experiments(counts, recorded)
-    experiments = real if only else (*plan(counts), *real)
-    events, people = event_training(counts), seen_people(counts, recorded)
+    claims = () if only == "real-balls" else claim_experiments(counts)
+    real = () if only == "claims" else real_experiments(counts, recorded)
+    experiments = (*(() if only else plan(counts)), *real, *claims)
+    events, people = event_training(counts), None if only == "claims" else seen_people(counts, recorded)
     played = [training for training in (None if only else events, people) if training is not None]
     total = sum(experiment.config.episodes * experiment.config.seeds for experiment in experiments)
     total += sum(EVENT_BALL * training.balls_played * training.seeds for training in played)
     done = 0
 
     def write(results: Results) -> None:
-        section = real_balls_section(real, results, folder, recorded, people)
+        sections = [claims_section(claims, results)] if claims else []
+        if real:
+            sections.append(real_balls_section(real, results, folder, recorded, people))
         if only:
-            replace_section(report, section)
+            replace_section(report, *sections)
             return
         seen = load_played(events, folder)
-        write_learning_report(report, experiments, results, counts, machine, seen, (section,))
+        write_learning_report(report, experiments, results, counts, machine, seen, sections)
 
-    wanted = batches(experiments)
+    wanted = [*batches(experiments[: len(experiments) - len(claims)]), *claim_batches(claims)]
     missing = [missing_seeds(batch, folder) for batch in wanted]
     most = max(map(len, missing))
     with open_jobs(engine if most else ALONE, most) as jobs:

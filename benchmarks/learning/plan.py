@@ -56,6 +56,8 @@ class Counts:
     event_episodes: int = 150
     people_balls: int = 100
     """Of human play, that each of as many policies is evaluated on there."""
+    claim_seeds: int = 40
+    """Of the paper's claims, which have seeds of their own."""
 
 
 def counts_of(seeds: int) -> Counts:
@@ -66,6 +68,7 @@ def counts_of(seeds: int) -> Counts:
         seeds=seeds,
         minor_seeds=min(seeds, full.minor_seeds),
         event_seeds=min(seeds, full.event_seeds),
+        claim_seeds=seeds,
     )
 
 

@@ -227,10 +227,11 @@ without noise on the same {balls} balls per speed, which no training sees; the l
 target of the landing extrapolated to the table's plane, over all balls, where one that the racket did not meet counts
 2.74 m, the table's length. Figures are the *last* policy of each seed: mean ± standard deviation over seeds [95 %
 interval of the mean]; *five best* is the mean of the five lowest of a seed's evaluations every 50 episodes, as the
-paper shows its figures. Up to {seeds} seeds, rivals included, and {minor} for variants that nothing is claimed of;
-the tables say how many there are. Seeds have the same balls in every training, so differences are paired, and what
-has not the same seeds is not compared. Agents called paper perceive by the five-point prediction, all others know the
-true state. (With the exact positions that the simulator gives, and gravity alone, five points after the bounce
+paper shows its figures. Up to {seeds} seeds from 0 on, rivals included, and {minor} for variants;
+the tables say how many there are. Development looked at these seeds, so they show no claim: what the paper claims is
+tested [on drawn seeds](#the-papers-claims). Seeds have the same balls in every training, so differences are paired,
+and what has not the same seeds is not compared. Agents called paper perceive by the five-point prediction, all others
+know the true state. (With the exact positions that the simulator gives, and gravity alone, five points after the bounce
 determine the state: the prediction then *is* the truth, and both give the same figures. The rows called noisy show
 what errors cost.) The racket stands upright at action zero and has one speed per serve speed.
 

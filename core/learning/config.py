@@ -301,6 +301,8 @@ class Sb3Config:
     hidden: int = setting(64, 8, 512)
     on_policy_steps: int = setting(50, 2, 2048)
     """Episodes between updates of PPO and TRPO: the default of 2,048 is more than a whole run."""
+    updates_per_episode: int = setting(0, 0, 64)
+    """Gradient steps per ball of TD3, SAC and (as passes over its balls) PPO; 0 is the library's pace: 1, 1 and 0.2."""
 
     def __post_init__(self) -> None:
         check_settings(self)

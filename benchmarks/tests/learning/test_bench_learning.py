@@ -8,6 +8,7 @@ import pytest
 
 from benchmarks.learning import bench_learning
 from benchmarks.learning import runs as learning_runs
+from benchmarks.learning.claims import claim_experiments
 from benchmarks.learning.plan import EXPLORATIONS, RIVALS, Counts, counts_of, plan, rival_training
 from benchmarks.learning.real_balls import real_experiments
 from benchmarks.learning.report import event_cameras
@@ -15,18 +16,20 @@ from benchmarks.learning.runs import PlayedSeed, event_training, load_played, pl
 from core.jobs import ALONE
 from core.metrics.score import binomial_interval
 
-TINY = Counts(seeds=2, minor_seeds=1, balls=10, shorten=50, event_seeds=0)
+TINY = Counts(seeds=2, minor_seeds=1, balls=10, shorten=50, event_seeds=0, claim_seeds=2)
 
 
 def test_the_bench_makes_a_report_and_does_not_train_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     wanted = tuple(e for e in plan(TINY) if e.name.startswith(("reward-4", "replay", "model-5", "rival-5-matched-td3")))
+    claims = tuple(e for e in claim_experiments(TINY) if e.name in ("claim-replay-threshold", "claim-replay-discard"))
     monkeypatch.setattr(bench_learning, "plan", lambda counts: wanted)
+    monkeypatch.setattr(bench_learning, "claim_experiments", lambda counts: claims)
     shares: list[float] = []
     where = {"folder": tmp_path / "runs", "report": tmp_path / "docs" / "report.md", "counts": TINY, "engine": ALONE}
     first = bench_learning.run(shares.append, **where)  # type: ignore[arg-type]
     assert shares == sorted(shares) and shares[-1] == pytest.approx(1)
     rows = first["rows"]
-    every = (*wanted, *real_experiments(TINY, None))
+    every = (*wanted, *real_experiments(TINY, None), *claims)
     assert isinstance(rows, list) and [row["training"] for row in rows] == [e.name for e in every]
     text = (tmp_path / "docs" / "report.md").read_text()
     for heading in (
@@ -36,6 +39,7 @@ def test_the_bench_makes_a_report_and_does_not_train_twice(tmp_path: Path, monke
         "Beyond",
         "Without learning",
         "Real balls",
+        "The paper's claims",
     ):
         assert heading in text
     for chart in sorted((tmp_path / "docs" / "images").glob("learning-*.svg")):
@@ -108,4 +112,4 @@ def test_the_full_event_row_has_five_seeds_of_two_hundred_balls() -> None:
 def test_the_number_of_seeds_is_set_for_both_sides_at_once() -> None:
     counts = counts_of(3)
     assert (counts.seeds, counts.minor_seeds, counts.event_seeds) == (3, 3, 3)
-    assert (counts_of(20), counts_of(40).minor_seeds) == (Counts(), 10)
+    assert (counts_of(20), counts_of(40).minor_seeds) == (Counts(claim_seeds=20), 10)

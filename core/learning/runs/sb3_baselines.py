@@ -32,6 +32,8 @@ AfterEpisode = Callable[[dict[str, object], bool], bool]
 """Called with an episode's line and whether its stage is over; returns whether to continue."""
 
 ON_POLICY = ("ppo", "a2c", "trpo")
+OWN_PACE = ("a2c", "trpo")
+"""One step from each set of balls is what these methods are."""
 START = 32
 """Transitions before TD3 and SAC learn, as with our agents."""
 RATE = 1e-3
@@ -131,8 +133,11 @@ def make_model(config: RunConfig, environment: Sb3Environment, seed: int) -> Any
     """The library's model of the run's agent.
 
     Raises:
-        ConfigError: if the libraries are not installed.
+        ConfigError: if the libraries are not installed, or the method has no other number of gradient steps.
     """
+    updates = config.rival.updates_per_episode
+    if updates and config.agent in OWN_PACE:
+        raise ConfigError("one gradient step from each set of balls", expected="0", got=updates, where=config.agent)
     try:
         import sb3_contrib
         import stable_baselines3 as sb3
@@ -152,11 +157,14 @@ def make_model(config: RunConfig, environment: Sb3Environment, seed: int) -> Any
         shared["policy_kwargs"] = {"net_arch": [hidden, hidden], **start}
         steps = config.rival.on_policy_steps
         if config.agent == "ppo":
+            if updates:  # a pass over a batch that holds all balls is one step
+                shared["n_epochs"] = updates * steps
             return sb3.PPO("MlpPolicy", n_steps=steps, batch_size=steps, **shared)
         if config.agent == "trpo":
             return sb3_contrib.TRPO("MlpPolicy", n_steps=steps, batch_size=steps, **shared)
         return sb3.A2C("MlpPolicy", **shared)
     shared |= {"batch_size": 64, "learning_starts": START, "buffer_size": config.episodes + 1}
+    shared["gradient_steps"] = updates or 1
     shared["policy_kwargs"] = {"net_arch": [hidden, hidden]}
     if config.agent == "td3":
         # The library has no noise by default; 0.1 is used by TD3's authors and our agents.

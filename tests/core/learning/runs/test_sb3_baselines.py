@@ -1,10 +1,12 @@
 """The baselines that learn play the same balls, and what is kept of them acts as the library's own model does."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from core.errors import ConfigError
 from core.learning.config import CurriculumConfig, EnvironmentConfig, RewardConfig, RunConfig, Sb3Config
 from core.learning.registered_agents import AgentName
 from core.learning.runs.run_files import create_run, load_policy, read_lines, seed_files
@@ -55,6 +57,29 @@ def test_a_stopped_baseline_says_so_and_begins_its_seed_again(tmp_path: Path) ->
     assert run_training(tmp_path / "run", progress=lambda share: None, stopped=lambda: False) == "finished"
     lines, _ = read_lines(seed_files(tmp_path / "run", 0).metrics)
     assert [line["episode"] for line in lines] == list(range(100)) and lines[: len(begun)] == begun
+
+
+@pytest.mark.parametrize("agent", ["ppo", "td3", "sac"])
+def test_gradient_steps_per_ball_are_as_many_as_asked_for(agent: AgentName) -> None:
+    def steps_per_ball(updates: int) -> float:
+        base = baseline_run(agent, "matched")
+        config = replace(base, rival=replace(base.rival, updates_per_episode=updates))
+        model = make_model(config, Sb3Environment(config, 0, 0, 0), 0)
+        if agent == "ppo":  # a pass over one batch of all its balls is a step
+            assert model.batch_size == model.n_steps
+            return model.n_epochs / model.n_steps
+        return model.gradient_steps
+
+    assert steps_per_ball(4) == 4
+    assert steps_per_ball(0) == (0.2 if agent == "ppo" else 1)
+
+
+@pytest.mark.parametrize("agent", ["a2c", "trpo"])
+def test_a_method_of_one_step_refuses_another_number(agent: AgentName) -> None:
+    base = baseline_run(agent)
+    config = replace(base, rival=replace(base.rival, updates_per_episode=4))
+    with pytest.raises(ConfigError, match="one gradient step"):
+        make_model(config, Sb3Environment(config, 0, 0, 0), 0)
 
 
 @pytest.mark.parametrize("exploration", ["default", "matched"])
