@@ -355,6 +355,7 @@ def use_refined(tune, config: DetectorConfig) -> None:
     tune.session.send(UseConfig(config, "refined"))
     tune.session.send(SetMethod("auto"))
     eventually(lambda: tune.state.config_of("refined") == config and tune.state.tune.method == "auto", "the settings")
+    tune.page.get_by_role("button", name="clusters").wait_for()  # auto's sliders move what is below them
 
 
 def methods_are_compared_over_the_recording_and_a_click_on_a_miss_jumps_there(tune) -> None:
