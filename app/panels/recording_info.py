@@ -9,7 +9,7 @@ import numpy as np
 import viser
 
 from app import theme
-from app.formatting import html_text, table_row
+from app.formatting import html_text, percent, table_row
 from app.shared.library import Library
 from core.events import Health, RateCurve, rate_curve
 from core.recordings import Recording
@@ -144,7 +144,7 @@ def harmless_hot_pixels(pixels: int) -> int:
 
 
 def _health_row(name: str, health: Health) -> str:
-    share = "no events" if np.isnan(health.on_share) else f"{health.on_share:.0%}"
+    share = "no events" if np.isnan(health.on_share) else percent(health.on_share)
     cells = (
         html_text(name), f"{health.duration_us / 1e6:.3f} s", f"{health.event_count:,}",
         f"{health.mean_rate_hz / 1e6:.2f} Mev/s", f"{health.peak_rate_hz / 1e6:.2f} Mev/s",

@@ -55,7 +55,8 @@ class RefinedConfig:
     coverage_min: float = setting(0.55, 0.1, 1.0, step=0.05, stage="fit")
     """Smallest share of the circle's sectors with edge points."""
     edge_coverage_min: float = setting(0.25, 0.0, 1.0, step=0.05, stage="fit")
-    """The same for the weaker edge, leading or trailing: two of its eight sectors. One edge alone fits many circles."""
+    """Smallest share for the weaker edge, leading or trailing: two of its eight sectors. One edge alone fits many
+    circles."""
     inside_max: float = setting(0.3, 0.0, 1.0, step=0.05, stage="fit")
     """Most events inside the disc per event on its rim; a ball has few, a part of a person many."""
     fill_min: float = setting(0.33, 0.0, 1.0, step=0.01, stage="fit")

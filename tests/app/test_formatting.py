@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.formatting import LONGEST_TITLE, notice_of, percent, share_text, with_dashes_explained
+from app.formatting import GLOSSARY, LONGEST_TITLE, field_words, notice_of, percent, share_text, with_dashes_explained
 from app.panels.field_control import field_label
 from core.config import FieldSpec
 from core.detection.stages.localise import LocaliseConfig
@@ -61,3 +61,8 @@ def test_a_share_of_nothing_is_a_dash() -> None:
 def test_a_table_with_dashes_says_what_they_stand_for(cell: str) -> None:
     assert with_dashes_explained(f"<td>{cell}</td>").endswith("<div>-: no ball was found or asked for</div>")
     assert with_dashes_explained("<td>left-hand -0.5 / 1</td>") == "<td>left-hand -0.5 / 1</td>"
+
+
+def test_a_label_and_a_tooltip_are_understood_without_the_neighbour_above() -> None:
+    assert field_words("stretch_max_ms") == "edge latency, max [ms] (stretch max)"
+    assert not [word for word, meaning in GLOSSARY.items() if meaning.startswith(("The same", "Of "))]

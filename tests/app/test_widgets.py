@@ -35,4 +35,5 @@ def test_the_chart_of_errors_has_lines_at_powers_of_ten_and_the_others_what_fits
         train_axes(name, ends, (), 1) for name, ends in (("error_mm", (10, 1e4)), ("reward", (0, 4)))
     )
     assert of_errors[1].get("splits") == (10.0, 100.0, 1_000.0, 10_000.0)
+    assert of_errors[1].get("size") == of_rewards[1].get("size"), "charts below each other begin at one place"
     assert "splits" not in of_rewards[1] and "splits" not in of_errors[0]

@@ -191,7 +191,7 @@ def _axes(
     name: str, y_range: tuple[float, float], stages: tuple[tuple[float, float], ...], end: int
 ) -> tuple[uplot.Axis, ...]:
     """Axes of a chart: the logarithmic one has a line at each power of ten in its scale; above, the stages' speeds."""
-    y = _axis(size=38)
+    y = _axis(size=46)  # as wide as the "10,000" of an error in mm
     if name == "error_mm":
         y["splits"] = decades(*y_range)
     above = _axis(size=STAGES_PX)

@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from app import theme
-from app.formatting import GLOSSARY, html_text, tooltip
+from app.formatting import GLOSSARY, html_text, percent, tooltip
 from core.live.live_snapshot import Percentiles, PlayerHealth
 from core.trajectory.learned_constants import LearnedConstants
 
@@ -99,7 +99,7 @@ def learned_words(learned: LearnedConstants) -> str:
     elif learned.air > SURE:
         air = f"drag {drag}"
     else:
-        air = f"air or none ({learned.air:.0%})"
+        air = f"air or none ({percent(learned.air)})"
     return f"{air}, restitution {restitution}, friction {friction} (learned from {balls_text(learned.balls)})"
 
 

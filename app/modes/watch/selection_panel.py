@@ -34,7 +34,7 @@ class BallSelectionPanel:
         self._rows: NDArray[np.int64] = np.zeros(0, np.int64)
         self._selected_by = ""
         self._job: LoopJob[str] = LoopJob(host.later, host.report, self._show_running)
-        self._name = gui.add_text("Name", "balls", hint="Of what is written", visible=False)
+        self._name = gui.add_text("Name", "balls", hint="Name of the data set or the file", visible=False)
         hint = (
             "To label: key K in Label goes there first. Training: a file for `rallyscope train --balls`. Data set: the "
             "events of their flights, with labels or the truth"

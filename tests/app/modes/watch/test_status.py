@@ -59,7 +59,7 @@ def test_what_was_learned_of_air_and_table_is_said_once_there_was_a_ball(snapsho
     assert learned_words(one) == "drag 0.45 ± 0.04, restitution 0.91 ± 0.01, friction 0.23 ± 0.03 (learned from 1 ball)"
     assert learned_words(replace(one, air=0.03, balls=7)).startswith("no air, restitution 0.91 ± 0.01")
     assert "learned from 7 balls" in learned_words(replace(one, air=0.4, balls=7))
-    assert learned_words(replace(one, air=0.4)).startswith("air or none (40%), restitution")
+    assert learned_words(replace(one, air=0.4)).startswith("air or none (40 %), restitution")
 
 
 def test_where_the_time_of_commands_goes_is_a_line_a_stage_once_one_was_sent(snapshot) -> None:
