@@ -74,6 +74,13 @@ class HitChoiceConfig:
     the racket waits there; our measurement: the difference does not show in where balls land)."""
     switch_gain: float = setting(0.10, 0.0, 1.0)
     """The racket goes elsewhere only for so much more chance: a new place costs the motion so far (choice)."""
+    reserve: float = setting(0.1, 0.0, 0.9)
+    """Share of the racket's acceleration that is left on the way to a place; of those as good, one with it is taken
+    (choice)."""
+    correct_ms: float = setting(55.0, 0.0, 300.0)
+    """A place has that reserve only if the ball is hit so long after its bounce: that moves the hit by up to 10 mm,
+    which is known 28 ms later at the earliest; half the time left takes four times the acceleration (our measurement: a
+    third of the rackets came to their limit with 42 ms, a fifth with 55)."""
     fewest: float = setting(0.02, 0.0, 1.0)
     """With a smaller chance there is no stroke that returns the ball."""
 
@@ -193,6 +200,8 @@ class HitCandidate:
     """Standard deviation of where it would land; infinite where it cannot be hit."""
     why_not: str
     """Why the ball cannot be hit there; empty if it can."""
+    has_reserve: bool = False
+    """Whether the racket has acceleration and time left for a correction after the bounce."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -253,7 +262,7 @@ def choose_hit(
     """
     there = [hit for hit in prediction.crossings(config.xs_m) if hit is not None]
     candidates = tuple(
-        _judge(hit, prediction, bounced_s, model, None if hit.p_world_m[0] == kept_x_m else racket, reach, config)
+        _judge(hit, prediction, bounced_s, model, racket, reach, config, is_kept=hit.p_world_m[0] == kept_x_m)
         for hit in there
     )
     possible = [one for one in candidates if not one.why_not]
@@ -261,11 +270,13 @@ def choose_hit(
         return HitChoice(prediction.t_us, None, candidates, nearest_reason(candidates))
     best = max(one.chance for one in possible)
     good = [one for one in possible if one.chance >= best - config.enough]
+    good = [one for one in good if one.has_reserve] or good
     most_m = (1 + config.alike) * min(one.landing_sigma_m for one in good)
     accurate = [one for one in good if one.landing_sigma_m <= most_m]
     chosen = min(accurate, key=lambda one: abs(one.hit.p_world_m[0] - PAPER_X_M))
     kept = next((one for one in possible if kept_x_m is not None and one.hit.p_world_m[0] == kept_x_m), None)
-    if kept is not None and kept.chance >= chosen.chance - config.switch_gain:
+    enough = kept is not None and kept.chance >= chosen.chance - config.switch_gain
+    if kept is not None and enough and (kept.has_reserve or not chosen.has_reserve):
         chosen = kept
     return HitChoice(prediction.t_us, chosen, candidates, "")
 
@@ -275,12 +286,14 @@ def _judge(
     prediction: FlightAhead,
     bounced_s: float | None,
     model: StrokeModel,
-    racket: FaceTrajectory | None,
+    racket: FaceTrajectory,
     reach: RacketReach,
     config: HitChoiceConfig,
+    *,
+    is_kept: bool,
 ) -> HitCandidate:
-    """A place and the chance there; without a racket it is on its way there, and small corrections are no question of
-    time: shortly before the hit they take high accelerations over a millimetre.
+    """A place and the chance there. To the place that is kept the racket is on its way, and small corrections are no
+    question of time: shortly before the hit they take high accelerations over a millimetre.
     """
     since_s = _since_bounce_s(hit, prediction, bounced_s)
     why_not = _against_the_rules(hit, prediction, since_s, config) or _too_low(hit, config)
@@ -289,10 +302,14 @@ def _judge(
     stroke = model.stroke_at(hit, expected_covariance(hit, since_s, config))
     if stroke is None or stroke.chance < config.fewest:
         return HitCandidate(hit, 0.0, math.inf, NO_STROKE)
-    why_not = _out_of_reach(stroke, hit.t_s, racket, reach)
+    why_not = _out_of_reach(stroke, hit.t_s, None if is_kept else racket, reach)
     if why_not:
         return HitCandidate(hit, 0.0, math.inf, why_not)
-    return HitCandidate(hit, stroke.chance, stroke.landing_sigma_m, "")
+    hardest = max(float(np.linalg.norm(a)) for a in racket.accelerations(hit.t_s, stroke.face_m, stroke.v_mps))
+    has_reserve = (
+        hardest <= (1 - config.reserve) * reach.max_acceleration_mps2 and not since_s < 1e-3 * config.correct_ms
+    )
+    return HitCandidate(hit, stroke.chance, stroke.landing_sigma_m, "", has_reserve)
 
 
 def _since_bounce_s(hit: HitPlane, prediction: FlightAhead, bounced_s: float | None) -> float:

@@ -156,3 +156,31 @@ def test_why_no_stroke_returns_a_ball_is_said_in_words_with_the_place() -> None:
     assert low is not None and high is not None
     assert plane_explanation(low).startswith("Ball cannot be returned: below the table's top at x = -1.42 m, z = ")
     assert plane_explanation(high) == ""
+
+
+def test_a_place_that_leaves_the_racket_no_reserve_is_not_kept_where_another_is_as_good() -> None:
+    flight, config = predicted(HIGH_BALL), HitChoiceConfig(enough=0.05)
+    strokes, racket = BuiltInController().strokes(), FaceTrajectory(0.07, HOME, np.zeros(3))
+    nearest = next(one for one in choose(flight).candidates if not one.why_not)
+    hit, stroke = nearest.hit, strokes.stroke_at(nearest.hit, np.zeros((6, 6)))
+    assert stroke is not None
+    hardest = max(np.linalg.norm(a) for a in racket.accelerations(hit.t_s, stroke.face_m, stroke.v_mps))
+    for share, reserve, is_kept in ((1.2, 0.1, True), (1.05, 0.1, False), (1.05, 0.0, True), (1.05, 0.9, True)):
+        reach, settings = replace(REACH, max_acceleration_mps2=share * hardest), replace(config, reserve=reserve)
+        kept_x_m = float(hit.p_world_m[0])
+        found = choose_hit(flight, strokes, racket, reach, settings, bounced_s=0.0, kept_x_m=kept_x_m).chosen
+        assert found is not None and (found.hit.p_world_m[0] == kept_x_m) == is_kept
+        assert is_kept or found.has_reserve
+
+
+def test_a_place_long_enough_after_the_bounce_for_a_correction_is_taken_where_there_is_one() -> None:
+    flight, racket = predicted(HIGH_BALL), FaceTrajectory(0.07, HOME, np.zeros(3))
+
+    def since_s(correct_ms: float) -> float:
+        config = HitChoiceConfig(enough=0.05, correct_ms=correct_ms)
+        found = choose_hit(flight, BuiltInController().strokes(), racket, REACH, config, bounced_s=0.0).chosen
+        assert found is not None
+        return found.hit.t_s
+
+    usual_s = since_s(0.0)
+    assert since_s(300.0) > 0.3 > usual_s == since_s(55.0)
