@@ -33,7 +33,7 @@ from core.learning.registered_agents import AgentName
 from core.learning.runs.summary import spread_of
 from core.text import markdown_table
 
-DRAWN_FROM: Final = "530d861a"
+DRAWN_FROM: Final = "463c9d58"
 """The commit with which code and claims were done: nobody chooses its name, and nothing was tried on what it gives."""
 FIRST_SEED: Final = 1_000_000 + int(DRAWN_FROM[:7], 16)
 """Above all seeds that were used before."""
@@ -123,7 +123,7 @@ _ROWS: Final = {
     "5 m/s only, case reward": "straight-case",
     **{f"{agent.upper()}, as many gradient steps": f"equal-5-{agent}" for agent in EQUAL_STEPS},
     **{f"{agent.upper()}, own pace, noise as ours": f"rival-5-matched-{agent}" for agent in ("a2c", "trpo")},
-    **{f"{agent.upper()}, default": rival_training("5", "default", agent) for agent in RIVALS},
+    **{f"{agent.upper()}, default": rival_training("5", "default", agent) for agent in RIVALS if agent != "td3"},
     "threshold, trained and evaluated in MuJoCo": "mujoco",
 }
 _REWARDS: Final = {"CDTA at 4 m/s": "reward-4-cdta", "case at 4 m/s": "reward-4-case"}
@@ -203,7 +203,8 @@ def _tested(claim: Claim, results: Results) -> tuple[int, NDArray[np.float64], f
 
 TEXT: Final = """Made by `rallyscope bench learning --only claims`, which goes on where it was interrupted. Seeds are
 drawn: the first is 1,000,000 plus the first seven hexadecimal digits, as a number, of commit {commit}, with which code
-and claims were done; the others follow it. No setting was chosen on them, and every seed that ended is here. {seeds}
+and claims were done; the others follow it. No setting was chosen on them, and every seed that ended is here. Before all
+that are wanted are there, verdicts are preliminary; how many there are was decided by time, not by results. {seeds}
 Both sides have the same seeds and the same balls. *Ratio*: geometric mean of our error by the other's, under 1 is
 better; *points*: difference of the return rates; [95 % interval of the mean, Student's t, uncorrected]. p: two-sided
 paired t test, of errors on their logarithms, against a ratio of {ratio:.3f} where {margin:.1f} % are claimed; corrected
@@ -259,7 +260,7 @@ def _seeds(experiments: Sequence[Experiment], results: Results) -> str:
         had, most = [one.seed for one in results[PREFIX + name]], wanted.get(PREFIX + name, 0)
         few = "" if len(had) == most else f" ({len(had)} of {most} that are wanted)"
         there.setdefault(seeds_as_text(had) + few, []).append(words)
-    return "Seeds so far: " + "; ".join(f"{seeds}: {', '.join(names)}" for seeds, names in there.items()) + "."
+    return "Seeds so far: " + "; ".join(f"{seeds}: {' / '.join(names)}" for seeds, names in there.items()) + "."
 
 
 def _interval(found: Finding) -> str:
