@@ -63,6 +63,7 @@ from core.errors import RallyscopeError, RecordingError
 from core.extras import missing_package
 from core.history.following import is_stereo
 from core.live.ring_recording import RingRecording
+from core.metrics.playback import PlaybackAnswers
 from core.recordings import Recording, knows_ball
 
 logger = logging.getLogger(__name__)
@@ -113,6 +114,7 @@ class Session:
         self.knows_ball = False
         self._shown: tuple[ClientState, Middle, bool] | None = None
         self._requested: object = None
+        self._playback = PlaybackAnswers()
         self._autoplay = False
         self._is_complete = False
         """Whether the page was sent a view that is complete."""
@@ -294,6 +296,8 @@ class Session:
         self.space.stand(self.plane.aspect, self.plane.panel_share)
         if middle == "events":
             self._request_picture(self._state, self._recording, now_us, wall_s)
+        elif middle == "sheet":
+            self._requested = None  # a mode's own pictures replace what was shown
         mode.tick(self._state, now_us, wall_s)
         self.plane.show_staleness(wall_s, moving=self._state.playhead.playing)
         self.world.billboard_wxyz()
@@ -445,6 +449,7 @@ class Session:
             state.watch.table,
             state.watch.framed,
             self.plane.free_aspect if state.mode == "Export" else None,
+            self._playback if state.playhead.is_playback else None,  # what stands is the same however one got there
         )
         if key != self._requested:
             self._requested = key
@@ -509,6 +514,9 @@ class Session:
         self.tracks = tracks_of(recording, info)
         for mode in self._modes.values():
             mode.use_recording(recording)
+        rally = self.services.rallies.of(recording, self._state.watch.prediction)
+        frames = () if rally is None else tuple(rally.frames_of(recording))
+        self._state = replace(self._state, frame_cameras=frames)
         # Last: what a link says counts more than what a recording opens with.
         self._state = self.page.follow_link(self._state)
         if self._autoplay and not playhead.live:

@@ -15,6 +15,7 @@ from core.cameras import Camera
 from core.chain.calibration_drift import DriftReport
 from core.chain.config import PredictionName
 from core.chain.control.controller import BuiltInController
+from core.chain.follow import frame_cameras
 from core.errors import CommandError
 from core.history.following import Following, Followings, is_stereo
 from core.history.rally_history import BALL_US, RallyHistory, RallyMoment
@@ -23,6 +24,7 @@ from core.learning.runs.policy_controller import load_controller
 from core.online_learning.controller import NAME
 from core.online_learning.start import NOTHING, LearningStart, can_start_from, start_from_nothing, start_from_run
 from core.recordings import Recording
+from core.recordings.frames import FrameStream
 
 GRACE_S: Final = 3.0
 """The live rally runs this long after the last browser turned away, so that reloading a page does not stop it."""
@@ -75,6 +77,10 @@ class WatchedRally:
     live: LiveRally | None
     """The live rally; None for a recording."""
     following: Following | None
+
+    def frames_of(self, recording: Recording) -> dict[str, FrameStream]:
+        """Pictures of those frame cameras of its recording that are followed, by camera."""
+        return {name: one for name, one in frame_cameras(recording).items() if name in self.cameras}
 
     def people(self, t_us: int) -> People | None:
         """Simulated persons at a time, if known."""

@@ -94,6 +94,11 @@ class Playhead:
         moved = self.speed * (wall_s - self.anchor_wall_s) * 1e6 if self.playing else 0.0
         return self._inside(self._looped(self.anchor_us + moved))
 
+    @property
+    def is_playback(self) -> bool:
+        """Whether it plays what no longer changes: the last events of a live recording may still arrive."""
+        return self.playing and not self.live
+
     def grown(self, start_us: int, duration_us: int) -> Playhead:
         """Cursor after a live recording has grown."""
         return replace(self, start_us=start_us, duration_us=duration_us)
@@ -278,7 +283,7 @@ class ClientState:
     recording: str
     """Name of the recording in the library."""
     cameras: tuple[str, ...]
-    """Names of its cameras."""
+    """Names of its event cameras."""
     camera: str
     """Camera shown in Tune."""
     playhead: Playhead
@@ -300,6 +305,13 @@ class ClientState:
     """Who labels in this browser; None until that was said."""
     score_by: str | None = None
     """Annotator against whose labels Tune is to score next."""
+    frame_cameras: tuple[str, ...] = ()
+    """Names of the frame cameras that are followed beside its event cameras."""
+
+    @property
+    def seen_cameras(self) -> tuple[str, ...]:
+        """Every camera with a picture beside the scene, the event cameras first."""
+        return (*self.cameras, *self.frame_cameras)
 
     @property
     def config(self) -> DetectorConfig:

@@ -1,4 +1,6 @@
-"""Small live pictures of the cameras: events of the last milliseconds, detected circle, true circle."""
+"""Small live pictures of the cameras: events of the last milliseconds, detected circle, true circle; and the picture of
+a frame camera full size.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +10,13 @@ from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from app.pictures.canvas import Canvas, Rendering, encode_over, encode_png, event_picture
+from app.pictures.canvas import Canvas, Region, Rendering, encode_over, encode_png, event_picture
 from app.pictures.palette import PaletteIndex
 from app.state.client_state import RenderSettings
 from app.views.ball_inset import draw_ball_inset
+from app.views.mosaic import Mosaic, lay_out
 from app.views.requests import window_before
 from app.views.stage_picture import draw_truth
 from core.chain.follow import frame_cameras
@@ -125,13 +129,46 @@ def render_camera_pictures(request: CameraPicturesRequest) -> dict[str, bytes]:
     return pngs
 
 
-def _draw_circle(canvas: Canvas, request: CameraPicturesRequest, name: str) -> int | None:
+class LargeFrameRequest(NamedTuple):
+    """The newest picture of one frame camera, full size."""
+
+    camera: str
+    pictures: CameraPicturesRequest
+    """Has it among its `frames`."""
+
+    @property
+    def key(self) -> Hashable:
+        """Equal for the same picture: at most times it is the one that was shown before."""
+        asked, name = self.pictures, self.camera
+        number = dict(asked.frames)[name]
+        return asked.recording.uuid, name, number, asked.circles.get(name), asked.is_outlier(name), asked.look
+
+
+def render_large_frame(request: LargeFrameRequest) -> Mosaic:
+    """Draw a picture of a frame camera in its own colours, with what the chain found in it and when it was taken."""
+    name, pictures = request
+    stream, number = frame_cameras(pictures.recording)[name], dict(pictures.frames)[name]
+    image = stream.image(max(0, number))
+    size = SensorSize(image.shape[1], image.shape[0])
+    canvas = Canvas(Region.of_sensor(size))
+    canvas.image[:] = PaletteIndex.BACKGROUND
+    if number == NO_PICTURE:
+        canvas.caption(f"{name}: no picture yet")
+        return lay_out([canvas], pictures.look.colours, "side by side")
+    canvas.caption(f"{name}: picture {number}, mid exposure {int(stream.t_us[number]) / 1e3:.3f} ms")
+    sheet = lay_out([canvas], pictures.look.colours, "side by side")
+    _draw_circle(canvas, pictures, name, thickness=2)
+    (tile,) = sheet.pictures
+    return replace(sheet, pictures=(replace(tile, png=_over_frame(image, canvas, pictures)),))
+
+
+def _draw_circle(canvas: Canvas, request: CameraPicturesRequest, name: str, *, thickness: int = 1) -> int | None:
     """Draw what was found in a camera; returns its palette index, None if nothing was."""
     if name not in request.circles:
         return None
     ink = PaletteIndex.HULL_REJECTED if request.is_outlier(name) else PaletteIndex.CIRCLE
     u_px, v_px, r_px = request.circles[name]
-    canvas.draw_circle(u_px, v_px, max(r_px, LEAST_RADIUS_PX / canvas.scale), ink)
+    canvas.draw_circle(u_px, v_px, max(r_px, LEAST_RADIUS_PX / canvas.scale), ink, thickness=thickness)
     return ink
 
 
@@ -147,8 +184,14 @@ def _frame_png(stream: FrameStream, number: int, request: CameraPicturesRequest,
         cv2.putText(canvas.image, "no picture yet", left_middle, cv2.FONT_HERSHEY_SIMPLEX, 1.0, int(PaletteIndex.TEXT))
         return encode_png(canvas.image, request.look.colours)
     _draw_circle(canvas, request, name)
+    return _over_frame(image, canvas, request)
+
+
+def _over_frame(image: NDArray[np.uint8], canvas: Canvas, request: CameraPicturesRequest) -> bytes:
+    """PNG of a picture, made as large as the canvas, under what is drawn on that."""
     rgb = image if image.ndim == 3 else np.repeat(image[:, :, None], 3, axis=2)
     size = canvas.image.shape[1], canvas.image.shape[0]
+    way = cv2.INTER_AREA if size[0] < image.shape[1] else cv2.INTER_NEAREST
     return encode_over(
-        np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), np.uint8), canvas.image, request.look.colours
+        np.asarray(cv2.resize(rgb, size, interpolation=way), np.uint8), canvas.image, request.look.colours
     )

@@ -25,6 +25,7 @@ from core.detection import DetectorConfig
 from core.detection.saved import SavedDetector
 from core.errors import CalibrationError
 from core.events import Window
+from core.metrics.playback import PlaybackAnswers
 from core.metrics.run import WindowAnswer, answer_window
 from core.metrics.score import MATCH_RADIUS_PX
 from core.recordings import CameraStream, PixelTruth, Recording
@@ -91,6 +92,8 @@ class WatchRequest:
     aspect: float | None = None
     """Width over height of what the window leaves to all pictures, which an automatic arrangement fills; None: it puts
     them side by side."""
+    playback: PlaybackAnswers | None = None
+    """What the pictures of a playback go on from; None: the answers depend on the 60 ms before `t_us` alone."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,7 +165,10 @@ def render_watch(request: WatchRequest) -> Mosaic:
         else:
             pixels = event_picture(window, look.rendering, binning=binning)
             canvas = Canvas.of_binned(pixels, stream.sensor, binning, across=across)
-        answer = answer_window(stream, *request.detector, window.end_us)
+        if request.playback is None:
+            answer = answer_window(stream, *request.detector, window.end_us)
+        else:
+            answer = request.playback.find(stream, request.detector, window.end_us)
         detection = answer.detection
         if request.show_truth:
             draw_truth(canvas, stream.truth, answer.valid_us)

@@ -20,6 +20,7 @@ from core.live.link.live_source import LinkListener, LinkListeners, SourceStatus
 from core.live.link.published import camera_batch, state_of_block, welcome_to
 from core.physics.config import PhysicsConfig
 from core.recordings import CameraStream, Recording
+from core.recordings.reader import FileRecording
 from core.simulation.event_cameras.event_camera import BLOCK_US
 
 logger = logging.getLogger(__name__)
@@ -68,7 +69,9 @@ class ReplaySource:
             raise RecordingError("a recording without cameras cannot be replayed", where=name)
         if recording.duration_us < 1:
             raise RecordingError("an empty recording cannot be replayed", where=name)
-        self.description = f"replay of {name}"
+        pictures = tuple(recording.frames) if isinstance(recording, FileRecording) else ()
+        left_out = f", without the pictures of {', '.join(pictures)}" if pictures else ""
+        self.description = f"replay of {name}{left_out}"
         self.state: m.WorldState | None = None
         self.physics = physics
         self.behind_s = 0.0

@@ -221,13 +221,19 @@ def _led_in(
     """A detector that has processed the windows before, the window that ends at `t_us`, and how many those are."""
     window_us = method_config(method, config).window.window_us
     end_us = max(t_us, window_us)
-    start_us = end_us - window_us
-    lead_in = min(lead_in_us, start_us) // window_us
-    events = stream.slice(start_us - lead_in * window_us, start_us)
+    lead_in = min(lead_in_us, end_us - window_us) // window_us
     detector = make_detector(method, stream.sensor, config)
-    for first_us in range(start_us - lead_in * window_us, start_us, window_us):
+    return detector, step_before(detector, stream, end_us, window_us, lead_in), lead_in
+
+
+def step_before(detector: Detector, stream: CameraStream, end_us: int, window_us: int, windows: int) -> Window:
+    """Step a detector through so many windows of a camera before the one that ends at `end_us`; returns that one."""
+    start_us = end_us - window_us
+    before_us = start_us - windows * window_us
+    events = stream.slice(before_us, start_us)
+    for first_us in range(before_us, start_us, window_us):
         detector.step(Window(events.between(first_us, first_us + window_us), first_us, first_us + window_us))
-    return detector, Window(stream.slice(start_us, end_us), start_us, end_us), lead_in  # a copy, as it may be cached
+    return Window(stream.slice(start_us, end_us), start_us, end_us)  # a copy, as it may be cached
 
 
 _inside_lock = threading.Lock()

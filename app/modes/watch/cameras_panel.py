@@ -121,13 +121,8 @@ class CamerasPanel:
         larger.offer((SCENE, *cameras))
         return larger
 
-    def show(
-        self, pngs: Mapping[str, bytes], sightings: Mapping[str, Sighting], event_cameras: tuple[str, ...]
-    ) -> None:
-        """Put new pictures in place of the last ones; three or more stand in rows, each with a mark of its sighting.
-
-        Only `event_cameras` are offered full size.
-        """
+    def show(self, pngs: Mapping[str, bytes], sightings: Mapping[str, Sighting]) -> None:
+        """Put new pictures in place of the last ones; three or more stand in rows, each with a mark of its sighting."""
         if tuple(self._images) != tuple(pngs):
             for image in self._images.values():
                 image.remove()
@@ -136,7 +131,7 @@ class CamerasPanel:
                 self._images = {name: self._gui.add_image(BLANK, label=name, format="png") for name in pngs}
                 if self._larger is not None:
                     self._larger.remove()
-                self._larger = self._add_larger(event_cameras, many=len(pngs) >= MANY)
+                self._larger = self._add_larger(tuple(pngs), many=len(pngs) >= MANY)
         for name, png in pngs.items():
             set_png(self._images[name], png)
             caption = name if len(pngs) < MANY else f"{SIGHTING_MARKS[sightings[name]]} {name}"

@@ -26,7 +26,7 @@ class EnlargeCamera:
     camera: str
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
-        if self.camera not in ("", *state.cameras):
+        if self.camera not in ("", *state.seen_cameras):
             return state
         large = "" if self.camera == state.watch.large else self.camera
         return replace(state, watch=replace(state.watch, large=large))
@@ -41,9 +41,9 @@ class EnlargePicture:
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
         asked = self.camera if isinstance(self.camera, str) else None
-        if asked not in ("", *state.cameras):  # the caption beside the picture may have a mark before the name
+        if asked not in ("", *state.seen_cameras):  # the caption beside the picture may have a mark before the name
             asked = str(asked).partition(" ")[2] or None
-        camera = next((name for name in ("", *state.cameras) if name == asked), None)
+        camera = next((name for name in ("", *state.seen_cameras) if name == asked), None)
         if state.mode != "Watch" or camera is None:
             return state
         large = "" if camera == state.watch.large else camera
@@ -57,7 +57,7 @@ class EnlargeNextCamera:
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
         if state.mode != "Watch":
             return state
-        turn = ("", *state.cameras)
+        turn = ("", *state.seen_cameras)
         at = turn.index(state.watch.large) if state.watch.large in turn else 0
         return replace(state, watch=replace(state.watch, large=turn[(at + 1) % len(turn)]))
 

@@ -28,10 +28,17 @@ from app.scene.world import LAYERS
 from app.shared.live_rally import LiveRally, positions
 from app.shared.rallies import WatchedRally
 from app.state.client_state import ClientState
-from app.views.camera_pictures import CameraPicturesRequest, FrameSighting, frame_sightings, with_frames
+from app.views.camera_pictures import (
+    CameraPicturesRequest,
+    FrameSighting,
+    LargeFrameRequest,
+    frame_sightings,
+    render_large_frame,
+    with_frames,
+)
 from app.views.freshness import AnswerFreshness, Staleness
+from app.views.mosaic import Mosaic
 from core.chain.config import PREDICTIONS, PredictionName
-from core.chain.follow import frame_cameras
 from core.errors import CommandError
 from core.history.lead_time import LeadTimeErrors, LeadTimesRequest, compute_lead_times
 from core.history.rally_history import RallyMoment
@@ -95,6 +102,9 @@ class WatchMode:
         self._pictures = LatestWins(
             host.pool, host.services.camera_pictures, self._pictures_done, self._pictures_failed
         )
+        self._large = LatestWins(host.pool, render_large_frame, self._large_done, self._large_failed)
+        self._large_asked: object = None
+        """Key of the frame that was asked for last to be shown full size."""
         self._freshness = AnswerFreshness()
         """Whether the cameras' pictures beside the 3D view are the answer to the latest request."""
         self._staleness: Staleness = ""
@@ -108,7 +118,9 @@ class WatchMode:
     def middle(self) -> Middle:
         """3D for a stereo recording, unless pictures are selected."""
         state = self._host.state
-        return "world" if self._has_panel and state is not None and not state.watch.large else "events"
+        if state is None or not self._has_panel:
+            return "events"
+        return "sheet" if state.watch.large in self._frames else "events" if state.watch.large else "world"
 
     @property
     def _has_panel(self) -> bool:
@@ -126,7 +138,7 @@ class WatchMode:
         self._active = active
         self._folder.visible = active
         self._cameras.panel.visible = active and self._has_panel
-        self._drawn = None
+        self._drawn = self._large_asked = None
         self._freshness.forget()
         self._show_staleness("")
 
@@ -143,8 +155,7 @@ class WatchMode:
             self._add_controls(self._live)
         if self._rally is not None:
             self._positions = positions(self._rally.cameras)
-            frames = frame_cameras(recording)
-            self._frames = {name: one for name, one in frames.items() if name in self._rally.cameras}
+            self._frames = self._rally.frames_of(recording)
             self._host.world.use_cameras(self._rally.cameras)
 
     def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
@@ -193,7 +204,9 @@ class WatchMode:
         self._host.world.layers = frozenset(LAYERS) - state.watch.hidden
         if self.middle == "world":
             self._host.world.draw(self._rally.picture_of(moment))
-        self._request_pictures(state, moment, of_frames, wall_s)
+        asked = self._pictures_at(state, moment, of_frames)
+        self._request_large(state, asked, wall_s)
+        self._request_pictures(state, asked, wall_s)
 
     def _chosen_prediction(self, state: ClientState | None) -> PredictionName:
         chosen = None if state is None else state.watch.prediction
@@ -244,23 +257,27 @@ class WatchMode:
         self._board.close()
         self._balls.close()
         self._pictures.close()
+        self._large.close()
         self._lead_times.close()
 
-    def _request_pictures(
-        self, state: ClientState, moment: RallyMoment, of_frames: Mapping[str, FrameSighting], wall_s: float
-    ) -> None:
+    def _pictures_at(
+        self, state: ClientState, moment: RallyMoment, of_frames: Mapping[str, FrameSighting]
+    ) -> CameraPicturesRequest:
         recording = self._host.recording
-        every_s = THROTTLED_S if self._host.is_throttled else PICTURES_EVERY_S
-        if recording is None or (state.playhead.playing and wall_s - self._pictures_s < every_s):
-            return
-        self._pictures_s = wall_s
+        assert recording is not None
         shown_us = min(state.look.window_us, OLDEST_US)  # a circle belongs to the events that are drawn
         step = None if moment.step is None or moment.step.t_us < moment.t_us - shown_us else moment.step
         circles = {} if step is None else step.circles
         used = frozenset() if step is None else step.used
         with_truth = "True ball" not in state.watch.hidden
         numbers = tuple((name, one.number) for name, one in of_frames.items())
-        request = CameraPicturesRequest(recording, moment.t_us, state.look, circles, with_truth, used, numbers)
+        return CameraPicturesRequest(recording, moment.t_us, state.look, circles, with_truth, used, numbers)
+
+    def _request_pictures(self, state: ClientState, request: CameraPicturesRequest, wall_s: float) -> None:
+        every_s = THROTTLED_S if self._host.is_throttled else PICTURES_EVERY_S
+        if state.playhead.playing and wall_s - self._pictures_s < every_s:
+            return
+        self._pictures_s = wall_s
         self._freshness.ask(request, wall_s)
         self._pictures.submit(request)
 
@@ -270,8 +287,27 @@ class WatchMode:
     def _show_pictures(self, request: CameraPicturesRequest, pngs: dict[str, bytes]) -> None:
         if self._active and self._has_panel:
             self._freshness.answered(request)
-            event_cameras = tuple(request.recording.cameras)
-            self._cameras.show(pngs, {name: sighting_of(request, name) for name in pngs}, event_cameras)
+            self._cameras.show(pngs, {name: sighting_of(request, name) for name in pngs})
+
+    def _request_large(self, state: ClientState, pictures: CameraPicturesRequest, wall_s: float) -> None:
+        """Ask for a frame camera's picture full size, if it is to be shown and is not the one that was asked for."""
+        request = LargeFrameRequest(state.watch.large, pictures) if self.middle == "sheet" else None
+        key = None if request is None else request.key
+        if request is not None and key != self._large_asked:
+            self._host.plane.freshness.ask(request, wall_s)
+            self._large.submit(request)
+        self._large_asked = key
+
+    def _large_done(self, request: LargeFrameRequest, sheet: Mosaic) -> None:
+        def show() -> None:
+            if self._active and self.middle == "sheet":
+                self._host.plane.show(sheet, request)
+
+        self._host.later(show)
+
+    def _large_failed(self, error: Exception) -> None:
+        self._host.later(self._host.plane.freshness.failed)
+        self._failed(error)
 
     def _pictures_failed(self, error: Exception) -> None:
         self._host.later(self._freshness.failed)

@@ -57,3 +57,9 @@ def test_a_section_too_short_to_see_is_none() -> None:
     assert Playhead(1_000_000).looping((5, 5), 0.0).loop_us is None
     assert Playhead(1_000_000).looping((300_000, 100_000), 0.0).loop_us == (100_000, 300_000)
     assert Playhead(1_000_000).looping((-5, 9_000_000), 0.0).loop_us == (0, 1_000_000)
+
+
+def test_only_what_moves_in_a_complete_recording_is_a_playback() -> None:
+    playing = Playhead(1_000_000).play(0.0)
+    assert playing.is_playback and not playing.pause(1.0).is_playback and not playing.step(1000, 1.0).is_playback
+    assert not Playhead(1_000_000, live=True).play(0.0).is_playback

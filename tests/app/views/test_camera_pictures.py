@@ -14,8 +14,10 @@ from app.state.client_state import RenderSettings
 from app.views.camera_pictures import (
     NO_PICTURE,
     CameraPicturesRequest,
+    LargeFrameRequest,
     frame_sightings,
     render_camera_pictures,
+    render_large_frame,
     with_frames,
 )
 from core.cameras.presets import camera_preset
@@ -135,3 +137,30 @@ def test_a_frame_camera_has_its_place_before_its_first_picture(rig_with_frames) 
     assert not (pixels == 120).all(axis=1).any(), "nothing of the first picture"
     assert len(np.unique(pixels, axis=0)) > 1, "it says so"
     assert sighting_of(request, "far_left") == "none"
+
+
+def test_a_frame_full_size_has_its_own_colours_what_was_found_and_when_it_was_taken(rig_with_frames) -> None:
+    circles, used = {"far_left": (600.0, 300.0, 8.0)}, frozenset({"far_left"})
+    small = CameraPicturesRequest(rig_with_frames, 30_000, RenderSettings(), circles, False, used, (("far_left", 1),))
+    request = LargeFrameRequest("far_left", small)
+    sheet = render_large_frame(request)
+    (tile,) = sheet.pictures
+    pixels = np.asarray(Image.open(io.BytesIO(tile.png)).convert("RGB"))
+    assert pixels.shape == (720, 1280, 3) and (pixels[0, 0] == 120).all()
+    coloured = np.argwhere((pixels != 120).any(axis=2))
+    assert np.abs(coloured.mean(axis=0) - (300, 600)).max() < 1 and np.ptp(coloured, axis=0).max() < 24
+    assert [text.text for text in sheet.texts] == ["far_left: picture 1, mid exposure 25.000 ms"]
+    assert tile.sensor_point(640.5, 360.5) == (640.0, 360.0)
+    later = LargeFrameRequest("far_left", replace(small, t_us=40_000))
+    assert later.key == request.key, "until the next picture nothing is drawn again"
+    next_one = replace(small, frames=(("far_left", 2),))
+    assert len({LargeFrameRequest("far_left", one).key for one in (small, next_one, replace(small, circles={}))}) == 3
+
+
+def test_full_size_before_the_first_frame_says_that_there_is_none(rig_with_frames) -> None:
+    frames = (("far_left", NO_PICTURE),)
+    small = CameraPicturesRequest(rig_with_frames, 1_000, RenderSettings(), {}, False, frozenset(), frames)
+    sheet = render_large_frame(LargeFrameRequest("far_left", small))
+    assert [text.text for text in sheet.texts] == ["far_left: no picture yet"]
+    pixels = np.asarray(Image.open(io.BytesIO(sheet.pictures[0].png)).convert("RGB")).reshape(-1, 3)
+    assert len(np.unique(pixels, axis=0)) == 1 and (sheet.width, sheet.height) == (1280, 720)

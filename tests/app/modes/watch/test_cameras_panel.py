@@ -8,7 +8,6 @@ import viser
 from app.modes.watch.cameras_panel import SCENE, CamerasPanel
 
 PNG = b""
-EVENT_CAMERAS = ("left", "right")
 
 
 @pytest.fixture
@@ -19,7 +18,7 @@ def server() -> Iterator[viser.ViserServer]:
 
 
 def offered(server: viser.ViserServer, panel: CamerasPanel, names: tuple[str, ...]) -> tuple[str, ...]:
-    panel.show(dict.fromkeys(names, PNG), dict.fromkeys(names, "used"), EVENT_CAMERAS)
+    panel.show(dict.fromkeys(names, PNG), dict.fromkeys(names, "used"))
     (larger,) = (
         one
         for one in server.gui._gui_input_handle_from_uuid.values()
@@ -28,6 +27,6 @@ def offered(server: viser.ViserServer, panel: CamerasPanel, names: tuple[str, ..
     return larger.options
 
 
-def test_a_frame_camera_beside_two_event_cameras_is_not_offered_full_size(server) -> None:
+def test_a_frame_camera_beside_two_event_cameras_is_offered_full_size_too(server) -> None:
     panel = CamerasPanel(server.gui, lambda camera: None)
-    assert offered(server, panel, (*EVENT_CAMERAS, "rgb")) == (SCENE, *EVENT_CAMERAS)
+    assert offered(server, panel, ("left", "right", "rgb")) == (SCENE, "left", "right", "rgb")

@@ -31,6 +31,15 @@ def test_the_next_camera_and_then_the_scene_again(state) -> None:
     assert seen == ["left", "right", ""]
 
 
+def test_a_frame_camera_is_enlarged_as_event_cameras_are_and_comes_behind_them(state) -> None:
+    with_frames = replace(state, frame_cameras=("rgb",))
+    large = EnlargeCamera("rgb").apply(with_frames, 0.0)
+    assert large.watch.large == EnlargePicture("\u25cf rgb").apply(with_frames, 0.0).watch.large == "rgb"
+    assert EnlargeNextCamera().apply(EnlargeCamera("right").apply(with_frames, 0.0), 0.0) == large
+    assert EnlargeNextCamera().apply(large, 0.0) == with_frames
+    assert EnlargeCamera("rgb").apply(state, 0.0) == state, "one that is not followed has no picture"
+
+
 def test_an_unknown_camera_and_another_mode_change_nothing(state) -> None:
     assert EnlargeCamera("../x").apply(state, 0.0) == state
     label = replace(state, mode="Label")
