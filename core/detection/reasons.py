@@ -35,10 +35,11 @@ class Reason:
             return self.sentence
         if self.value is None:
             return self.reason
-        text = f"{self.reason} {number_text(self.value)}{self.unit and ' ' + self.unit}"
-        if self.limit is None:
-            return text
-        return f"{text} {'<' if self.value < self.limit else '>'} {number_text(self.limit)}"
+        value, limit = number_text(self.value), "" if self.limit is None else number_text(self.limit)
+        if value == limit:  # "radius 3 px < 3" would be nonsense
+            value = f"{self.value:.6g}"
+        text = f"{self.reason} {value}{self.unit and ' ' + self.unit}"
+        return text if self.limit is None else f"{text} {'<' if self.value < self.limit else '>'} {limit}"
 
 
 NO_REASON: Final = Reason("the method gives no reasons")

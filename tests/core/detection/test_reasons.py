@@ -9,6 +9,7 @@ def test_a_reason_reads_as_value_and_limit() -> None:
     assert Reason("residual", "refined.residual_px", 0.914, 0.55, "px").text == "residual 0.914 px > 0.55"
     assert Reason("events", None, 20_458.0, 6000.0).text == "events 20458 > 6000"
     assert Reason("fill", "refined.fill_min", 0.1, 0.33).text == "fill 0.1 < 0.33"
+    assert Reason("radius", "refined.radius_min_px", 2.998, 3.0, "px").text == "radius 2.998 px < 3"
     assert Reason("no circle").text == "no circle"
 
 
