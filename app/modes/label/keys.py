@@ -112,6 +112,10 @@ def _shown(key: str, modifier: Modifier | None) -> str:
     return f"{modifier.title()} {key}" if modifier else key
 
 
+JUDGE_CONTACTS: Final = (*map(str, ContactKind), "accept_contact", "remove_contact")
+"""Acts on the contact at the cursor: they wait for its picture, else a quick step and key would do nothing."""
+
+
 class HeldKeys:
     """The keys that one browser holds down. Methods are called by the loop.
 

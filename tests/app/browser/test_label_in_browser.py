@@ -203,8 +203,9 @@ def labelling(first_labelling, request) -> Labelling:
 
 
 def name_of(request: pytest.FixtureRequest) -> str:
-    """An annotator for each test, so that each has a layer of its own."""
-    return request.node.name[5:30].strip("_")
+    """An annotator for each test, and for each attempt of it, so that each has a layer of its own."""
+    attempt = getattr(request.node, "execution_count", 1)
+    return request.node.name[5:30].strip("_") + (f"-{attempt}" if attempt > 1 else "")
 
 
 def begin(window: Window, name: str) -> Labelling:

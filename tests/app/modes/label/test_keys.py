@@ -128,6 +128,14 @@ def test_in_space_and_time_enter_waits_for_no_picture_and_accepts_nothing(hand: 
     assert not hand.work.here.labels
 
 
+def test_a_contact_waits_for_the_picture_that_it_is_judged_on(hand: Hand) -> None:
+    acts = ("hit", "next", "hit", "next")
+    hand.session.later(lambda: [hand.mode._act(name) for name in acts])  # no picture comes between them
+    eventually(lambda: hand.work.t_us == BALL_US + 4000, "all keys to be done", lambda: hand.work.t_us)
+    found = lambda: [(one.t_us, str(one.kind)) for one in hand.work.contacts]  # noqa: E731
+    eventually(lambda: found() == [(BALL_US + 2000, "hit")], "set, and moved", found)
+
+
 def test_escape_forgets_what_waits(hand: Hand, monkeypatch: pytest.MonkeyPatch) -> None:
     pressed, find = threading.Event(), suggestions.propose
 
