@@ -65,6 +65,11 @@ def send(stream: rr.RecordingStream, path: str, times: rr.TimeColumn, columns: r
     stream.send_columns(path, [times], columns)
 
 
+def one_a_row(columns: rr.ComponentColumnList, rows: int) -> rr.ComponentColumnList:
+    """Columns with one item in each row; rerun-sdk 0.26 would take the three numbers of a colour for three rows."""
+    return columns.partition([1] * rows)
+
+
 def send_scalars(stream: rr.RecordingStream, path: str, t_us: ArrayLike, values: ArrayLike) -> None:
     """A curve; rows that are not finite become a gap.
 

@@ -21,6 +21,7 @@ from app.export.rrd.paths import (
     TRAIL,
     WORLD,
     lengths_of,
+    one_a_row,
     picture_path,
     send,
     stacked,
@@ -104,9 +105,8 @@ def send_racket_shape(stream: rr.RecordingStream, path: str, first_us: int) -> N
     handle = rr.Boxes3D.columns(
         centers=[(-BLADE_M / 2, 0, -0.13)], half_sizes=[(0.011, 0.014, 0.055)], colors=[colour], fill_mode=[mode]
     )
-    # One row each: rerun-sdk 0.26 would take the three numbers of a colour for three rows.
-    send(stream, f"{path}/blade", time_column([first_us]), blade.partition([1]))
-    send(stream, f"{path}/handle", time_column([first_us]), handle.partition([1]))
+    send(stream, f"{path}/blade", time_column([first_us]), one_a_row(blade, 1))
+    send(stream, f"{path}/handle", time_column([first_us]), one_a_row(handle, 1))
 
 
 def log_cameras(stream: rr.RecordingStream, cameras: Mapping[str, Camera | None]) -> None:

@@ -11,7 +11,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from app.export.rrd.blueprint import COLOURS, run_blueprint
-from app.export.rrd.paths import EPISODE, PLOTS, WORLD, rerun_file, send
+from app.export.rrd.paths import EPISODE, PLOTS, WORLD, one_a_row, rerun_file, send
 from app.export.rrd.rally import log_arena
 from app.export.task import RunTask
 from app.export.unfinished import check_cancelled
@@ -101,8 +101,7 @@ def _send_spots(stream: rr.RecordingStream, seed: str, lines: Lines) -> None:
         send(stream, f"{WORLD}/{seed}/landing", times, spots.partition(known.astype(np.int32)))
     goals = np.column_stack([_points(lines, "goal_m"), np.full(len(lines), ABOVE_M)]).astype(np.float32)
     target = rr.Points3D.columns(positions=goals, colors=[GOAL_RGB] * len(goals), radii=[GOAL_M] * len(goals))
-    # A row each: rerun-sdk 0.26 would take the three numbers of a colour for three rows.
-    send(stream, f"{WORLD}/{seed}/target", times, target.partition([1] * len(goals)))
+    send(stream, f"{WORLD}/{seed}/target", times, one_a_row(target, len(goals)))
 
 
 def _send_curves(stream: rr.RecordingStream, seed: str, lines: Lines, colour: tuple[int, int, int]) -> None:
