@@ -515,8 +515,7 @@ class Session:
         for mode in self._modes.values():
             mode.use_recording(recording)
         rally = self.services.rallies.of(recording, self._state.watch.prediction)
-        frames = () if rally is None else tuple(rally.frames_of(recording))
-        self._state = replace(self._state, frame_cameras=frames)
+        self._state = replace(self._state, frame_cameras=() if rally is None else tuple(rally.frames))
         # Last: what a link says counts more than what a recording opens with.
         self._state = self.page.follow_link(self._state)
         if self._autoplay and not playhead.live:

@@ -15,7 +15,6 @@ from core.cameras import Camera
 from core.chain.calibration_drift import DriftReport
 from core.chain.config import PredictionName
 from core.chain.control.controller import BuiltInController
-from core.chain.follow import frame_cameras
 from core.errors import CommandError
 from core.history.following import Following, Followings, is_stereo
 from core.history.rally_history import BALL_US, RallyHistory, RallyMoment
@@ -78,9 +77,10 @@ class WatchedRally:
     """The live rally; None for a recording."""
     following: Following | None
 
-    def frames_of(self, recording: Recording) -> dict[str, FrameStream]:
-        """Pictures of those frame cameras of its recording that are followed, by camera."""
-        return {name: one for name, one in frame_cameras(recording).items() if name in self.cameras}
+    @property
+    def frames(self) -> dict[str, FrameStream]:
+        """Pictures of the frame cameras that are followed, by camera; of a live rally there are none."""
+        return {} if self.following is None else self.following.frames
 
     def people(self, t_us: int) -> People | None:
         """Simulated persons at a time, if known."""

@@ -26,6 +26,7 @@ from core.history.seen_outcomes import note_stroke
 from core.outcomes import OutcomeClassifier
 from core.physics.episode import Case
 from core.recordings import BallTruth, Recording
+from core.recordings.frames import FrameStream
 from core.recordings.reader import FileRecording
 
 logger = logging.getLogger(__name__)
@@ -101,6 +102,8 @@ class Following:
         self._config, self._frame_detector = config or ChainConfig(), frame_detector
         self.history = RallyHistory()
         self.cameras: dict[str, Camera] = (calibrated_cameras if frame_detector is None else calibrated_rig)(recording)
+        self.frames: dict[str, FrameStream] = {} if frame_detector is None else frame_cameras(recording)
+        """Pictures of the frame cameras that are followed."""
         self.drift = CalibrationDrift(self.cameras)
         """Whether the cameras fit each other."""
         self.bodies = PlayedBodies()
@@ -133,13 +136,12 @@ class Following:
             logger.exception("the chain failed on a recording")
 
     def _follow(self) -> None:
-        frames, make = frame_cameras(self._recording), self._frame_detector
-        frames = {name: one for name, one in frames.items() if name in self.cameras}
-        detectors = {} if make is None else {name: make() for name in frames}
+        make = self._frame_detector
+        detectors = {} if make is None else {name: make() for name in self.frames}
         player = Player(RallyChain(self.cameras, self._config, detectors), BuiltInController())
         judge = None if self.history.outcome_count else OutcomeClassifier()
         duration_us = self._recording.duration_us
-        for windows in windows_with_frames(self._recording.cameras, frames, duration_us, WINDOW_US):
+        for windows in windows_with_frames(self._recording.cameras, self.frames, duration_us, WINDOW_US):
             if self._stop.is_set():
                 return
             state = player.step(windows)

@@ -44,7 +44,6 @@ from core.history.lead_time import LeadTimeErrors, LeadTimesRequest, compute_lea
 from core.history.rally_history import RallyMoment
 from core.physics import TaskConfig
 from core.recordings import Recording
-from core.recordings.frames import FrameStream
 
 DRAW_EVERY_S = 1 / 120
 """Shorter than the loop's period, so that every change is drawn."""
@@ -74,8 +73,6 @@ class WatchMode:
         self._prediction: PredictionName = host.services.rallies.prediction
         """Prediction with which the shown recording is followed."""
         self._positions: dict[str, NDArray[np.float64]] = {}
-        self._frames: dict[str, FrameStream] = {}
-        """Pictures of the frame cameras that are followed."""
         self._active = False
         gui = host.client.gui
         self._folder = gui.add_folder(None, visible=False)
@@ -120,7 +117,7 @@ class WatchMode:
         state = self._host.state
         if state is None or not self._has_panel:
             return "events"
-        return "sheet" if state.watch.large in self._frames else "events" if state.watch.large else "world"
+        return "sheet" if state.watch.large in state.frame_cameras else "events" if state.watch.large else "world"
 
     @property
     def _has_panel(self) -> bool:
@@ -155,7 +152,6 @@ class WatchMode:
             self._add_controls(self._live)
         if self._rally is not None:
             self._positions = positions(self._rally.cameras)
-            self._frames = self._rally.frames_of(recording)
             self._host.world.use_cameras(self._rally.cameras)
 
     def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
@@ -192,7 +188,7 @@ class WatchMode:
         if key == self._drawn and not status_is_due:
             return
         moment = history.at(now_us, self._positions)
-        of_frames = frame_sightings(history, self._frames, now_us)
+        of_frames = frame_sightings(history, self._rally.frames, now_us)
         if moment.step is not None:
             moment = replace(moment, step=with_frames(moment.step, of_frames))
         if status_is_due:

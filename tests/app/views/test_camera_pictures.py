@@ -20,16 +20,15 @@ from app.views.camera_pictures import (
     render_large_frame,
     with_frames,
 )
-from core.cameras.presets import camera_preset
 from core.chain.chain import ChainState, StageSeconds
 from core.chain.control.player import PlayerState
 from core.detection import Detection
-from core.events import Events, SensorSize
+from core.events import SensorSize
 from core.history.rally_history import RallyHistory
 from core.recordings import RecordingWriter, open_recording
 from core.recordings.reader import FileRecording
+from tests.frames_beside_events import write_frames_beside_events
 
-CAMERAS = camera_preset("corners")
 SIZE = SensorSize(1280, 720)
 NAMES = ("a", "b", "c", "d")
 
@@ -58,14 +57,7 @@ def test_what_is_not_the_ball_of_the_others_is_ringed_in_another_colour(request_
 @pytest.fixture
 def rig_with_frames(tmp_path) -> Iterator[FileRecording]:
     """Two event cameras, and three grey pictures of another, whose exposures end at 7, 27 and 47 ms."""
-    calibration = {name: CAMERAS[name] for name in ("near_left", "near_right", "far_left")}
-    sizes = {name: camera.sensor for name, camera in calibration.items()}
-    with RecordingWriter(tmp_path / "frames.h5", sizes, calibration=calibration) as writer:
-        for name in ("near_left", "near_right"):
-            writer.append(name, Events.from_columns([1000], [3], [2], [True], SIZE))
-        images = np.full((3, 720, 1280), 120, np.uint8)
-        writer.write_frames("far_left", np.array([5_000, 25_000, 45_000]), np.full(3, 4_000), images)
-        writer.extend_duration(60_000)
+    write_frames_beside_events(tmp_path / "frames.h5")
     with open_recording(tmp_path / "frames.h5") as recording:
         assert isinstance(recording, FileRecording)
         yield recording
