@@ -53,6 +53,7 @@ from app.startup.startup import Preparation
 from app.state.client_state import MODES, ClientState, ModeName, Playhead
 from app.state.commands import Command, SetMode, TogglePlay
 from app.state.swept_cells import TableClicks
+from app.views.frame_picture import titled_frames
 from app.views.image_view import ImageView
 from app.views.mosaic import Mosaic
 from app.views.requests import WatchRequest, render_watch
@@ -497,7 +498,7 @@ class Session:
             self._state = self.page.first_state(name, cameras, playhead, self._first_detector, at_ball=opens_us > 0)
         else:
             views = {
-                "tune": replace(self._state.tune, centre_px=None, picked=None),
+                "tune": replace(self._state.tune, centre_px=None, picked=None, frames=""),
                 "watch": replace(self._state.watch, large="", table=TableClicks()),
             }
             self._state = replace(
@@ -515,7 +516,8 @@ class Session:
         for mode in self._modes.values():
             mode.use_recording(recording)
         rally = self.services.rallies.of(recording, self._state.watch.prediction)
-        self._state = replace(self._state, frame_cameras=() if rally is None else tuple(rally.frames))
+        followed = () if rally is None else tuple(rally.frames)
+        self._state = replace(self._state, frame_cameras=followed, titled_frames=tuple(titled_frames(recording)))
         # Last: what a link says counts more than what a recording opens with.
         self._state = self.page.follow_link(self._state)
         if self._autoplay and not playhead.live:

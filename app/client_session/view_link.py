@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from app.modes.label.kept_view import KeepLabelChoices
-from app.modes.tune.commands import SetSpaceColour, ShowEventsInSpace
+from app.modes.tune.commands import SetSpaceColour, ShowEventsInSpace, ShowFramesBeside
 from app.modes.watch.commands import EnlargeCamera, ShowLayer, ShowSpace
 from app.pictures.canvas import RENDERINGS
 from app.pictures.palette import POLARITY_COLOURS
@@ -132,6 +132,7 @@ def _view(state: ClientState, now_us: int) -> Iterator[tuple[str, str]]:
     yield "truth", "0" if not tune.show_truth else ""
     yield "events", "3d" if tune.in_space else ""
     yield "events-colour", tune.space_colour if tune.space_colour != _TUNE.space_colour else ""
+    yield "frames", tune.frames
     yield "space", "0" if not watch.in_space else ""
     yield "large", watch.large
     yield "hidden", ",".join(sorted(watch.hidden))
@@ -167,6 +168,7 @@ _COMMANDS: Final[Mapping[str, Callable[[str], list[Command]]]] = {
     "truth": lambda text: [commands.ShowTruth(text != "0")],
     "events": lambda text: [ShowEventsInSpace(text == "3d")],
     "events-colour": lambda text: [SetSpaceColour(_one(text, SPACE_COLOURS))],  # type: ignore[arg-type]
+    "frames": lambda text: [ShowFramesBeside(text)],
     "space": lambda text: [ShowSpace(text != "0")],
     "large": lambda text: [EnlargeCamera(text)],
     "hidden": lambda text: [ShowLayer(layer, on=False) for layer in text.split(",")[:32]],

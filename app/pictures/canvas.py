@@ -84,6 +84,8 @@ class Canvas:
         """Picture pixels per sensor pixel."""
         self.image = np.full((region.height * self.scale, region.width * self.scale), PaletteIndex.OUTSIDE, np.uint8)
         self.texts: list[PictureText] = []
+        self.under: NDArray[np.uint8] | None = None
+        """(height, width, 3) RGB picture that is seen where `image` is `BACKGROUND`."""
 
     @staticmethod
     def of_binned(pixels: NDArray[np.uint8], sensor: SensorSize, binning: int, *, across: int = 1) -> Canvas:
@@ -97,13 +99,36 @@ class Canvas:
         """
         canvas = Canvas.__new__(Canvas)
         canvas.region, canvas.across = Region.of_sensor(sensor), across
-        canvas.scale, canvas.image, canvas.texts = 1 / binning, pixels, []
+        canvas.scale, canvas.image, canvas.texts, canvas.under = 1 / binning, pixels, [], None
         return canvas
 
     def paint_pixels(self, pixels: NDArray[np.uint8]) -> None:
         """Fill with a whole-sensor picture (sensor height, sensor width), cropped and magnified."""
+        self._paint(pixels, self.image)
+
+    def paint_frame(self, frame: NDArray[np.uint8]) -> None:
+        """Put the picture of an ordinary camera, (height, width) or (height, width, 3), under what is drawn.
+
+        It is cropped and magnified as the canvas is; on a binned canvas it is made smaller.
+        """
+        rgb = frame if frame.ndim == 3 else np.repeat(frame[:, :, None], 3, axis=2)
+        if self.scale < 1:
+            size = self.image.shape[1], self.image.shape[0]
+            self.under = np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), np.uint8)
+            return
+        self.paint_pixels(np.full(rgb.shape[:2], PaletteIndex.BACKGROUND, np.uint8))
+        self.under = np.zeros((*self.image.shape, 3), np.uint8)
+        self._paint(rgb, self.under)
+
+    def encode(self, colours: PolarityColours) -> bytes:
+        """The PNG file of what is painted and drawn, without the texts."""
+        if self.under is None:
+            return encode_png(self.image, colours)
+        return encode_over(self.under, self.image, colours)
+
+    def _paint(self, pixels: NDArray[np.uint8], into: NDArray[np.uint8]) -> None:
         region, scale = self.region, int(self.scale)
-        height, width = pixels.shape
+        height, width = pixels.shape[:2]
         x0, x1 = max(region.x, 0), min(region.x + region.width, width)
         y0, y1 = max(region.y, 0), min(region.y + region.height, height)
         if x1 <= x0 or y1 <= y0:
@@ -112,7 +137,7 @@ class Canvas:
         if scale > 1:
             crop = crop.repeat(scale, axis=0).repeat(scale, axis=1)
         top, left = (y0 - region.y) * scale, (x0 - region.x) * scale
-        self.image[top : top + crop.shape[0], left : left + crop.shape[1]] = crop
+        into[top : top + crop.shape[0], left : left + crop.shape[1]] = crop
 
     def paint_crop(self, pixels: NDArray[np.uint8]) -> None:
         """Fill with a picture of just the region (its height, its width), magnified."""
@@ -242,8 +267,11 @@ def encode_png(picture: NDArray[np.uint8], colours: PolarityColours) -> bytes:
 
 
 def encode_over(picture: NDArray[np.uint8], overlay: NDArray[np.uint8], colours: PolarityColours) -> bytes:
-    """The PNG file of an RGB picture (height, width, 3) with palette indices (height, width) over it, 0 being clear."""
-    shown, drawn = picture[:, :, ::-1].copy(), overlay > 0
+    """The PNG file of an RGB picture (height, width, 3) with palette indices (height, width) over it.
+
+    `BACKGROUND` is clear.
+    """
+    shown, drawn = picture[:, :, ::-1].copy(), overlay != PaletteIndex.BACKGROUND
     shown[drawn] = palette(colours)[overlay[drawn]][:, ::-1]
     fine, content = cv2.imencode(".png", shown, [cv2.IMWRITE_PNG_COMPRESSION, 1])
     assert fine

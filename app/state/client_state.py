@@ -218,6 +218,8 @@ class TuneView:
     in_space: bool = False
     """Whether the window's events are shown in space and time instead of as a picture."""
     space_colour: SpaceColour = "stage"
+    frames: str = ""
+    """Title of the ordinary camera whose picture nearest to the cursor stands beside the events; none if empty."""
 
     @property
     def shows_space(self) -> bool:
@@ -307,6 +309,8 @@ class ClientState:
     """Annotator against whose labels Tune is to score next."""
     frame_cameras: tuple[str, ...] = ()
     """Names of the frame cameras that are followed beside its event cameras."""
+    titled_frames: tuple[str, ...] = ()
+    """Titles of all its ordinary cameras, calibrated or not."""
 
     @property
     def seen_cameras(self) -> tuple[str, ...]:

@@ -10,17 +10,17 @@ from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from app.pictures.canvas import Canvas, Region, Rendering, encode_over, encode_png, event_picture
+from app.pictures.canvas import Canvas, Region, Rendering, encode_png, event_picture
 from app.pictures.palette import PaletteIndex
 from app.state.client_state import RenderSettings
 from app.views.ball_inset import draw_ball_inset
+from app.views.frame_picture import frame_size, frame_title, whole_frame
 from app.views.mosaic import Mosaic, lay_out
 from app.views.requests import window_before
 from app.views.stage_picture import draw_truth
 from core.chain.follow import frame_cameras
-from core.events import SensorSize, Window
+from core.events import Window
 from core.history.rally_history import RallyHistory, RallyStep
 from core.recordings import Recording
 from core.recordings.frames import FrameStream
@@ -149,17 +149,15 @@ def render_large_frame(request: LargeFrameRequest) -> Mosaic:
     name, pictures = request
     stream, number = frame_cameras(pictures.recording)[name], dict(pictures.frames)[name]
     image = stream.image(max(0, number))
-    size = SensorSize(image.shape[1], image.shape[0])
-    canvas = Canvas(Region.of_sensor(size))
+    canvas = Canvas(Region.of_sensor(frame_size(image)))
     canvas.image[:] = PaletteIndex.BACKGROUND
     if number == NO_PICTURE:
         canvas.caption(f"{name}: no picture yet")
         return lay_out([canvas], pictures.look.colours, "side by side")
-    canvas.caption(f"{name}: picture {number}, mid exposure {int(stream.t_us[number]) / 1e3:.3f} ms")
-    sheet = lay_out([canvas], pictures.look.colours, "side by side")
+    canvas.caption(frame_title(name, stream, number))
+    canvas.paint_frame(image)
     _draw_circle(canvas, pictures, name, thickness=2)
-    (tile,) = sheet.pictures
-    return replace(sheet, pictures=(replace(tile, png=_over_frame(image, canvas, pictures)),))
+    return lay_out([canvas], pictures.look.colours, "side by side")
 
 
 def _draw_circle(canvas: Canvas, request: CameraPicturesRequest, name: str, *, thickness: int = 1) -> int | None:
@@ -174,24 +172,10 @@ def _draw_circle(canvas: Canvas, request: CameraPicturesRequest, name: str, *, t
 
 def _frame_png(stream: FrameStream, number: int, request: CameraPicturesRequest, name: str, width_px: int) -> bytes:
     """A picture in its own colours, with its circle."""
-    image = stream.image(max(0, number))
-    height, width = image.shape[:2]
-    binning = max(1, -(-width // width_px))
-    blank = np.full((-(-height // binning), -(-width // binning)), PaletteIndex.BACKGROUND, np.uint8)
-    canvas = Canvas.of_binned(blank, SensorSize(width, height), binning)
+    canvas = whole_frame(stream.image(max(0, number)), width_px)
     if number == NO_PICTURE:
         left_middle = canvas.image.shape[1] // 12, canvas.image.shape[0] // 2
         cv2.putText(canvas.image, "no picture yet", left_middle, cv2.FONT_HERSHEY_SIMPLEX, 1.0, int(PaletteIndex.TEXT))
         return encode_png(canvas.image, request.look.colours)
     _draw_circle(canvas, request, name)
-    return _over_frame(image, canvas, request)
-
-
-def _over_frame(image: NDArray[np.uint8], canvas: Canvas, request: CameraPicturesRequest) -> bytes:
-    """PNG of a picture, made as large as the canvas, under what is drawn on that."""
-    rgb = image if image.ndim == 3 else np.repeat(image[:, :, None], 3, axis=2)
-    size = canvas.image.shape[1], canvas.image.shape[0]
-    way = cv2.INTER_AREA if size[0] < image.shape[1] else cv2.INTER_NEAREST
-    return encode_over(
-        np.asarray(cv2.resize(rgb, size, interpolation=way), np.uint8), canvas.image, request.look.colours
-    )
+    return canvas.encode(request.look.colours)

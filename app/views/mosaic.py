@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from app.pictures.canvas import Canvas, Region, encode_png
+from app.pictures.canvas import Canvas, Region
 from app.pictures.palette import PolarityColours, palette
 from app.state.client_state import Arrangement
 
@@ -29,14 +29,16 @@ class MosaicTile:
     y: int
     width: int
     height: int
+    is_other: bool = False
+    """Whether it is of another sensor than the sheet: no point of it is one of the sheet's sensor."""
 
     def sensor_point(self, x: float, y: float) -> tuple[float, float] | None:
-        """Sensor coordinates of a point of the sheet; None outside the picture.
+        """Sensor coordinates of a point of the sheet; None outside the picture, and on one of another sensor.
 
         Sheet point (0.0, 0.0) is the top left corner of the sheet, not a pixel centre.
         """
         across, down = (x - self.x) / self.width, (y - self.y) / self.height
-        if not (0 <= across < 1 and 0 <= down < 1):
+        if self.is_other or not (0 <= across < 1 and 0 <= down < 1):
             return None
         return self.region.x + across * self.region.width - 0.5, self.region.y + down * self.region.height - 0.5
 
@@ -109,7 +111,7 @@ def lay_out_grid(canvases: Sequence[Canvas], colours: PolarityColours, columns: 
         height, width = canvas.image.shape
         if number % columns == 0:
             x, y = 0, below
-        pictures.append(MosaicTile(encode_png(canvas.image, colours), canvas.region, x, y, width, height))
+        pictures.append(MosaicTile(canvas.encode(colours), canvas.region, x, y, width, height))
         texts += [
             SheetText(x + one.x, y + one.y, one.text, css_colour(one.ink, colours), one.is_title)
             for one in canvas.texts

@@ -14,6 +14,7 @@ from app.state.client_state import RenderSettings, TuneView
 from app.state.swept_cells import SweptCells, TableClicks
 from app.views.answer_cache import AnswerCache
 from app.views.ball_inset import draw_ball_inset
+from app.views.frame_picture import OF_EVENT_CAMERA, frame_size, frame_title, whole_frame
 from app.views.mosaic import Mosaic, columns_of, columns_that_fill, lay_out, lay_out_grid
 from app.views.space_time import SpaceTime, answers_around, space_time_of
 from app.views.stage_picture import ball_ink, draw_detection, draw_stage, draw_truth, miss_px
@@ -29,6 +30,7 @@ from core.metrics.playback import PlaybackAnswers
 from core.metrics.run import WindowAnswer, answer_window
 from core.metrics.score import MATCH_RADIUS_PX
 from core.recordings import CameraStream, PixelTruth, Recording
+from core.recordings.frames import FrameStream
 
 RADIUS_PX = 8
 OUTLINE = ("robot-left", "robot-right", "opponent-right", "opponent-left")
@@ -112,6 +114,13 @@ class TuneRequest:
     """Last position of the ball: a zoomed view stays there while a setting rejects it."""
     aspect: float | None = None
     """Width over height of what the window leaves to all pictures; a zoomed view fills it. None: the sensor's shape."""
+    frames: FrameStream | None = None
+    """Pictures of the ordinary camera that `view` shows beside the events; None: it shows none."""
+
+    @property
+    def tiles(self) -> int:
+        """How many pictures share the window."""
+        return len(self.configs) + (self.frames is not None)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -212,12 +221,12 @@ def _draw_inset(
 
 
 def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[WindowAnswer, ...]]:
-    """Draw the chosen stage of one window, one picture per config.
+    """Draw the chosen stage of one window, one picture per config, and beside them that of an ordinary camera.
 
     The truth is drawn where the ball was when the answer is valid, which is before the end of the window.
     """
     view = request.view
-    across = len(request.configs) if request.look.arrangement != "stacked" else 1
+    across = request.tiles if request.look.arrangement != "stacked" else 1
     found = [request.answers.find(request.stream, view.method, config, request.t_us) for _, config in request.configs]
     region = _region(request, found[0], across)
     canvases: list[Canvas] = []
@@ -234,7 +243,32 @@ def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[WindowAnswer, ...]]
             _draw_inset(canvas, answer.window, answer, truth, request.look, ink)
         canvas.caption(f"{request.stream.name}, {view.method}, config {name}: {_when(answer)}")
         canvases.append(canvas)
-    return lay_out(canvases, request.look.colours, request.look.arrangement), tuple(found)
+    if request.frames is None:
+        return lay_out(canvases, request.look.colours, request.look.arrangement), tuple(found)
+    beside, is_other = _frame_canvas(request, request.frames, region, across)
+    sheet = lay_out([*canvases, beside], request.look.colours, request.look.arrangement)
+    tiles = (*sheet.pictures[:-1], replace(sheet.pictures[-1], is_other=is_other))
+    return replace(sheet, pictures=tiles), tuple(found)
+
+
+def _frame_canvas(request: TuneRequest, frames: FrameStream, region: Region, across: int) -> tuple[Canvas, bool]:
+    """The picture nearest to the cursor, and whether it is of another sensor than the events.
+
+    Through the lens of the event camera it shows the same region, with the ball where it was at mid exposure.
+    """
+    stream, title = request.stream, request.view.frames
+    number = frames.nearest(request.t_us)
+    image = frames.image(number)
+    is_other = title != OF_EVENT_CAMERA.format(stream.name) or frame_size(image) != stream.sensor
+    if is_other:
+        canvas = whole_frame(image, across=across)
+    else:
+        canvas = Canvas(region, across=across)
+        canvas.paint_frame(image)
+        if request.view.show_truth:
+            draw_truth(canvas, stream.truth, int(frames.t_us[number]))
+    canvas.caption(frame_title(title, frames, number))
+    return canvas, is_other
 
 
 def render_space(request: TuneRequest) -> tuple[SpaceTime, WindowAnswer]:
@@ -295,5 +329,5 @@ def _region(request: TuneRequest, answer: WindowAnswer, across: int) -> Region:
         centre = (sensor.width_px / 2, sensor.height_px / 2)
     aspect = request.aspect
     if aspect is not None:  # of each picture
-        aspect *= -(-len(request.configs) // across) / across
+        aspect *= -(-request.tiles // across) / across
     return Region.around(*centre, sensor, view.zoom, aspect)

@@ -62,6 +62,10 @@ class FrameStream:
         ends_us = self.t_us - self.exposure_us // 2 + np.maximum(1, self.exposure_us)
         return np.maximum.accumulate(ends_us)  # exposures that change could overlap
 
+    def nearest(self, t_us: int) -> int:
+        """The number of the picture whose mid exposure is nearest to a time; there has to be one."""
+        return int(np.argmin(np.abs(self.t_us - t_us)))
+
     def image(self, number: int) -> NDArray[np.uint8]:
         """(height, width) or (height, width, 3 = RGB).
 

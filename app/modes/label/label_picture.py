@@ -10,8 +10,8 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from app.pictures.canvas import TARGET_WIDTH_PX, Canvas, Region, Rendering, encode_over, encode_png, event_picture
-from app.pictures.palette import PaletteIndex, PolarityColours, palette
+from app.pictures.canvas import TARGET_WIDTH_PX, Canvas, Region, Rendering, encode_png, event_picture
+from app.pictures.palette import PaletteIndex, PolarityColours
 from app.views.mosaic import SheetText, css_colour
 from core.events import Events, SensorSize, Window
 from labels.arrays import STATES
@@ -182,10 +182,9 @@ def draw_label_picture(source: PictureSource, key: PictureKey) -> bytes:
             canvas.paint_pixels(pixels)
         _draw_marks(canvas, key)
         return encode_png(canvas.image, key.colours)
-    overlay = np.zeros_like(canvas.image)
-    canvas.image = overlay
+    canvas.paint_frame(source.frame(key.frame))
     _draw_marks(canvas, key)
-    return _encode_frame(source.frame(key.frame), overlay, key)
+    return canvas.encode(key.colours)
 
 
 def _canvas(size: SensorSize, key: PictureKey) -> tuple[Canvas, int]:
@@ -214,21 +213,6 @@ def _draw_marks(canvas: Canvas, key: PictureKey) -> None:
                 canvas.draw_circle(mark.x_px, mark.y_px, mark.r_px, mark.ink, thickness=thickness)
             if mark.covariance_px2 is not None:
                 canvas.draw_ellipse(mark.x_px, mark.y_px, mark.covariance_px2, PaletteIndex.SIGMA, sigmas=SIGMAS)
-
-
-def _encode_frame(frame: NDArray[np.uint8], overlay: NDArray[np.uint8], key: PictureKey) -> bytes:
-    """A frame cropped and magnified, in its own colours, with what was drawn over it."""
-    region = key.region
-    rgb = frame if frame.ndim == 3 else np.repeat(frame[:, :, None], 3, axis=2)
-    height, width = rgb.shape[:2]
-    crop = np.full((region.height, region.width, 3), palette(key.colours)[PaletteIndex.OUTSIDE], np.uint8)
-    x0, x1 = max(region.x, 0), min(region.x + region.width, width)
-    y0, y1 = max(region.y, 0), min(region.y + region.height, height)
-    if x1 > x0 and y1 > y0:
-        crop[y0 - region.y : y1 - region.y, x0 - region.x : x1 - region.x] = rgb[y0:y1, x0:x1]
-    scale = overlay.shape[0] // region.height
-    shown = crop.repeat(scale, axis=0).repeat(scale, axis=1)
-    return encode_over(shown, overlay, key.colours)
 
 
 WIDTH_PX: Final = 1280

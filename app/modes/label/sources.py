@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from app.views.frame_picture import titled_frames
 from core.cameras import Camera
 from core.events import Events, SensorSize
 from core.recordings import CameraStream, Recording
 from core.recordings.frames import FrameStream
-from core.recordings.reader import FileRecording
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,9 +50,7 @@ class LabelSource:
 
     def frame_at(self, t_us: int) -> int | None:
         """The number of the frame nearest to a time; None for events."""
-        if self.frames is None or not len(self.frames):
-            return None
-        return int(np.argmin(np.abs(self.frames.t_us - t_us)))
+        return self.frames.nearest(t_us) if self.frames is not None and len(self.frames) else None
 
     def exposure(self, number: int) -> tuple[int, int]:
         """[start, end) of a frame's exposure; its time is the middle of it."""
@@ -64,12 +62,9 @@ class LabelSource:
 def sources_of(recording: Recording) -> dict[str, LabelSource]:
     """Every camera that can be labelled, event cameras first."""
     found = {name: LabelSource(name, stream.sensor, stream) for name, stream in recording.cameras.items()}
-    if isinstance(recording, FileRecording):
-        for name, frames in recording.frames.items():
-            if len(frames):
-                height, width = frames.image(0).shape[:2]
-                label = name if name not in found else f"{name} frames"
-                found[label] = LabelSource(label, SensorSize(width, height), frames=frames)
+    for name, frames in titled_frames(recording).items():
+        height, width = frames.image(0).shape[:2]
+        found[name] = LabelSource(name, SensorSize(width, height), frames=frames)
     return found
 
 

@@ -1,4 +1,4 @@
-"""Commands of Tune's view in space and time."""
+"""Commands of Tune's view: events in space and time, and the picture of an ordinary camera beside them."""
 
 from __future__ import annotations
 
@@ -27,3 +27,15 @@ class SetSpaceColour:
         if self.colour not in SPACE_COLOURS:
             return state
         return replace(state, tune=replace(state.tune, space_colour=self.colour))
+
+
+@dataclass(frozen=True, slots=True)
+class ShowFramesBeside:
+    """Show the picture of an ordinary camera nearest to the cursor beside the events; none if the title is empty."""
+
+    title: str
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        if self.title not in ("", *state.titled_frames):
+            return state
+        return replace(state, tune=replace(state.tune, frames=self.title))

@@ -21,6 +21,7 @@ from app.state.client_state import SLOTS, ClientState, PickedPoint, Slot
 from app.state.commands import BeginScore, Command, PickCluster, SetMode, UseConfig
 from app.state.config_words import config_words
 from app.views.answer_cache import AnswerCache
+from app.views.frame_picture import titled_frames
 from app.views.methods_picture import MethodsRequest, answer_methods
 from app.views.requests import PictureAnswer, TuneRequest, answer_request
 from app.views.stage_picture import miss_px
@@ -208,7 +209,8 @@ class TuneMode:
         if not view.side_by_side:
             last_px = self._last_px.get(state.camera)
             aspect = self._host.plane.free_aspect
-            return TuneRequest(stream, now_us, state.look, view, configs, self._answers, last_px, aspect)
+            frames = titled_frames(recording).get(view.frames)
+            return TuneRequest(stream, now_us, state.look, view, configs, self._answers, last_px, aspect, frames)
         methods: tuple[tuple[Method, DetectorConfig], ...] = tuple(
             (method, state.config_of(method)) for method in view.compared
         )

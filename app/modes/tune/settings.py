@@ -10,7 +10,7 @@ import viser
 
 from app import theme
 from app.formatting import html_text, percent
-from app.modes.tune.commands import SetSpaceColour, ShowEventsInSpace
+from app.modes.tune.commands import SetSpaceColour, ShowEventsInSpace, ShowFramesBeside
 from app.panels.field_control import add_field_control, section_title
 from app.state.client_state import SLOTS, SPACE_COLOURS, ClientState
 from app.state.commands import (
@@ -43,6 +43,7 @@ FOLDED = ("hot_pixels", "flicker", "roi")
 """Sections that start folded: optional stages, and what rarely needs a change."""
 OPTIONAL = ("hot_pixels", "flicker")
 """Stages that may be off."""
+NO_FRAMES: Final = "none"
 REST_S: Final = 1.0
 """A value that conflicts with others (a 3 on the way to 30) is checked after this long without typing."""
 
@@ -265,6 +266,10 @@ class TuneViewPanel:
                 "Changed", ("Show", "Reset all"), visible=False, hint="Show the next changed config; reset all methods"
             )
             self._compare = gui.add_checkbox("Compare A and B", False, hint="Both configs on the same window")
+            self._frames = Listing(
+                gui, "Frames", lambda name: send(ShowFramesBeside("" if name == NO_FRAMES else name)),
+                hint="An ordinary camera's picture nearest to the cursor, beside the events",
+            )  # fmt: skip
         # Last of all: above the sliders it would push those of the shown stage out of a window of 720 px.
         self.space_folder = gui.add_folder("Space and time", order=1e6)
         with self.space_folder:
@@ -309,6 +314,9 @@ class TuneViewPanel:
         self._changed.visible = self._changes.visible = bool(words)
         self._changed.content = stage_counts_html(html_text(words))
         self._compare.value = state.tune.compare
+        self._frames.visible = bool(state.titled_frames) and self._compare.visible
+        self._frames.offer((NO_FRAMES, *state.titled_frames))
+        self._frames.show(state.tune.frames or NO_FRAMES)
 
     def show_note(self, text: str) -> None:
         """Say which events are shown in space and time."""

@@ -1,0 +1,51 @@
+"""Pictures of ordinary cameras: what they are called, and one of them as a picture that can be drawn on."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.pictures.canvas import TARGET_WIDTH_PX, Canvas, Region
+from app.pictures.palette import PaletteIndex
+from core.events import SensorSize
+from core.recordings import Recording
+from core.recordings.frames import FrameStream
+from core.recordings.reader import FileRecording
+
+OF_EVENT_CAMERA: Final = "{} frames"
+"""Title of the pictures that have an event camera's name: `simulate --frames-hz` takes them through its lens."""
+
+
+def titled_frames(recording: Recording) -> dict[str, FrameStream]:
+    """Every ordinary camera of a recording that has pictures, by the title that the app shows."""
+    if not isinstance(recording, FileRecording):
+        return {}
+    events = recording.cameras
+    known = {name: frames for name, frames in recording.frames.items() if len(frames)}
+    return {OF_EVENT_CAMERA.format(name) if name in events else name: frames for name, frames in known.items()}
+
+
+def frame_title(title: str, frames: FrameStream, number: int) -> str:
+    """Words over a picture: of which camera, which one, and when it was taken."""
+    return f"{title}: picture {number}, mid exposure {int(frames.t_us[number]) / 1e3:.3f} ms"
+
+
+def frame_size(frame: NDArray[np.uint8]) -> SensorSize:
+    """Size of a picture (height, width) or (height, width, 3)."""
+    return SensorSize(frame.shape[1], frame.shape[0])
+
+
+def whole_frame(frame: NDArray[np.uint8], width_px: int = TARGET_WIDTH_PX, *, across: int = 1) -> Canvas:
+    """A canvas with all of a picture; one that is wider than `width_px` is made smaller."""
+    size = frame_size(frame)
+    binning = -(-size.width_px // width_px)
+    if binning > 1:
+        rows, columns = -(-size.height_px // binning), -(-size.width_px // binning)
+        clear = np.full((rows, columns), PaletteIndex.BACKGROUND, np.uint8)
+        canvas = Canvas.of_binned(clear, size, binning, across=across)
+    else:
+        canvas = Canvas(Region.of_sensor(size), across=across, width_px=width_px)
+    canvas.paint_frame(frame)
+    return canvas
