@@ -56,6 +56,11 @@ def free_path(paths: Iterable[Path]) -> Iterator[Path]:
         raise CommandError("cannot write", got=error.strerror, where=error.filename, remedy=WRITE_REMEDY) from error
 
 
+def taken_text(wanted: str, path: Path) -> str:
+    """What is said first of a file or folder that has not got the wanted name, as that was taken; else nothing."""
+    return "" if path.stem == wanted else f"there is another {wanted} already, so this is {path.stem}; "
+
+
 @dataclass(frozen=True, slots=True)
 class Workspace:
     """Paths in the workspace folder; folders are made on first use."""
