@@ -144,11 +144,14 @@ def claimed(paths: Iterable[Path]) -> Iterator[Path]:
         end_unfinished(claim)
 
 
-def numbered(stem: str) -> Iterator[str]:
-    """STEM, STEM-2, STEM-3 and so on: names for `claimed` to choose from."""
-    yield stem
-    for number in itertools.count(2):
-        yield f"{stem}-{number}"
+def numbered(stem: str, longest: int | None = None) -> Iterator[str]:
+    """STEM, STEM-2, STEM-3 and so on: names to choose a free one from, such as by `claimed`.
+
+    Of a stem that would make a name longer than `longest` letters the last ones are left out.
+    """
+    yield stem[:longest]
+    for ending in (f"-{number}" for number in itertools.count(2)):
+        yield (stem if longest is None else stem[: longest - len(ending)]) + ending
 
 
 def _claim(path: Path) -> Path | None:

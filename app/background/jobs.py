@@ -9,6 +9,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from concurrent.futures import Executor, Future
+from contextlib import ExitStack
 from typing import Generic, TypeVar
 
 logger = logging.getLogger(__name__)
@@ -21,7 +22,8 @@ Progress = Callable[[float], None]
 class Job(Generic[Result]):
     """One run of `work(progress, cancelled)` in a thread of its own.
 
-    `done(result)` or `failed(error)` is called from that thread, and neither after a cancel.
+    `done(result)` or `failed(error)` is called from that thread, and neither after a cancel. What it `holds`, such as a
+    name, is free again before that, also if no thread can be started.
     """
 
     def __init__(
@@ -29,15 +31,21 @@ class Job(Generic[Result]):
         work: Callable[[Progress, Callable[[], bool]], Result],
         done: Callable[[Result], None],
         failed: Callable[[Exception], None],
+        holds: ExitStack | None = None,
     ) -> None:
         self._work = work
         self._done = done
         self._failed = failed
+        self._holds = ExitStack() if holds is None else holds
         self._cancel = threading.Event()
         self.share = 0.0
         """Share of the work that is done, 0..1."""
         self._thread = threading.Thread(target=self._run, name="rallyscope-job", daemon=True)
-        self._thread.start()
+        try:
+            self._thread.start()
+        except BaseException:
+            self._holds.close()
+            raise
 
     @property
     def running(self) -> bool:
@@ -55,7 +63,10 @@ class Job(Generic[Result]):
 
     def _run(self) -> None:
         try:
-            result = self._work(self._report, self._cancel.is_set)
+            try:
+                result = self._work(self._report, self._cancel.is_set)
+            finally:
+                self._holds.close()
             if not self._cancel.is_set():
                 self._done(result)
         except Exception as error:  # noqa: BLE001 (whoever started the job hears of any)
@@ -94,13 +105,19 @@ class LoopJob(Generic[Result]):
         """Share of the work done, 0..1; None if nothing runs."""
         return None if self._job is None else self._job.share
 
-    def start(self, work: Callable[[Progress, Callable[[], bool]], Result], done: Callable[[Result], None]) -> None:
-        """Run `work(progress, cancelled)` in a thread of its own; the loop calls `done(result)`."""
+    def start(
+        self,
+        work: Callable[[Progress, Callable[[], bool]], Result],
+        done: Callable[[Result], None],
+        holds: ExitStack | None = None,
+    ) -> None:
+        """Run `work(progress, cancelled)` in a thread of its own; the loop calls `done(result)`. `holds`: see `Job`."""
         self.close()
         job: Job[Result] = Job(
             work,
             lambda result: self._later(lambda: self._end(job, lambda: done(result))),
             lambda error: self._later(lambda: self._end(job, lambda: self._failed(error))),
+            holds,
         )
         self._job = job
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import logging
 import os
 import stat
 import threading
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -16,13 +18,13 @@ from typing import Final
 from app.background.jobs import Job
 from app.export.unfinished import Cancelled, ExportCancelledError, Progress
 from app.formatting import size_text
-from app.shared.workspace import Workspace, slug_from
+from app.shared.workspace import Workspace, free_path, slug_from
 from core.errors import WRITE_REMEDY, CommandError, RallyscopeError
 from core.files import POSIX, lock_descriptor
 
 logger = logging.getLogger(__name__)
 CLOSE_WITHIN_S: Final = 5.0
-CLAIM: Final = ".exporting"
+LOCK: Final = ".exporting"
 """Lock file for systems that cannot lock a folder."""
 Work = Callable[[Path, Progress, Cancelled], tuple[Path, ...]]
 """Writes the files to the given path."""
@@ -77,24 +79,25 @@ class Exporter:
         `note` is called in the thread of the export, for a sentence that stands behind the result.
 
         Raises:
-            CommandError: if another export runs.
+            CommandError: if another export runs, or the folder cannot be written.
         """
         with self._lock:
             if self._job is not None and self._job.running:
                 raise CommandError("another export runs", got=self._name, remedy="wait for it, or cancel it")
-            claim = _claim(self._workspace)
-            self._name = self._free_name(stem, suffix)
-            path = self._workspace.exports / self._name
+            with ExitStack() as begun:
+                begun.callback(os.close, _lock(self._workspace))
+                start, folder = slug_from(stem)[:50], self._workspace.exports
+                paths = (folder / f"{start}-{number}{suffix}" for number in itertools.count(1))
+                path = begun.enter_context(free_path(paths))
+                holds = begun.pop_all()
+            self._name = path.name
             self._started_s, self._ended_s, self._message, self._failed = time.monotonic(), 0.0, "", False
 
             def run(progress: Progress, cancelled: Cancelled) -> tuple[Path, ...]:
-                try:
-                    self._note = note()  # first: a live rally forgets
-                    return work(path, progress, cancelled)
-                finally:
-                    os.close(claim)
+                self._note = note()  # first: a live rally forgets
+                return work(path, progress, cancelled)
 
-            self._job = Job(run, self._done, self._went_wrong)
+            self._job = Job(run, self._done, self._went_wrong, holds)
             return self._name
 
     def cancel(self) -> None:
@@ -140,13 +143,6 @@ class Exporter:
         if self._job is not None:
             self._job.wait(CLOSE_WITHIN_S)
 
-    def _free_name(self, stem: str, suffix: str) -> str:
-        stem, root = slug_from(stem)[:50], self._workspace.exports
-        number = 1
-        while (root / f"{stem}-{number}{suffix}").exists():
-            number += 1
-        return f"{stem}-{number}{suffix}"
-
     def _done(self, files: tuple[Path, ...]) -> None:
         size = sum(path.stat().st_size for path in files)
         note = f". {self._note}" if self._note else ""
@@ -168,23 +164,23 @@ def _shown_in(folder: Path) -> list[Path]:
         return []
 
 
-def _claim(workspace: Workspace) -> int:
-    """Lock the export folder: one server exports at a time, so that two never choose the same name.
+def _lock(workspace: Workspace) -> int:
+    """Lock the export folder until the descriptor is closed: one server on it exports at a time.
 
     Raises:
         CommandError: if another does, or the folder cannot be written.
     """
     folder = workspace.exports
     try:
-        claim = os.open(folder, os.O_RDONLY) if POSIX else os.open(folder / CLAIM, os.O_RDWR | os.O_CREAT)
+        lock = os.open(folder, os.O_RDONLY) if POSIX else os.open(folder / LOCK, os.O_RDWR | os.O_CREAT)
     except OSError as error:
         raise CommandError("cannot export", got=error.strerror, where=folder, remedy=WRITE_REMEDY) from error
     try:
-        lock_descriptor(claim)
+        lock_descriptor(lock)
     except BlockingIOError as error:
-        os.close(claim)
+        os.close(lock)
         remedy = "wait for it, or cancel it there"
         raise CommandError("another server on this folder exports", where=folder, remedy=remedy) from error
     except OSError:  # a file system without locks
         pass
-    return claim
+    return lock

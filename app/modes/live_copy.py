@@ -61,13 +61,12 @@ class LiveCopy:
         path = claim.enter_context(self._host.services.workspace.new_live_path())
 
         def work(progress: Callable[[float], None], cancelled: Callable[[], bool]) -> FrozenPart:
-            with claim:
-                span = Span(start_us, _end_us(recording, t_us, cancelled))
-                frozen = freeze(recording, span)
-                return FrozenPart(path.stem, write_frozen(frozen, span, path, progress=progress, cancelled=cancelled))
+            span = Span(start_us, _end_us(recording, t_us, cancelled))
+            frozen = freeze(recording, span)
+            return FrozenPart(path.stem, write_frozen(frozen, span, path, progress=progress, cancelled=cancelled))
 
         self._t_us, self._then = t_us - start_us, then
-        self._job.start(work, self._open)
+        self._job.start(work, self._open, claim)
         seconds = (recording.duration_us - start_us) / 1e6
         self._host.note("Saving the live rally", f"Its last {seconds:.0f} s become the recording {path.stem}.", "blue")
 

@@ -11,12 +11,14 @@ from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from core.detection.saved import SavedDetector, load_detector, save_detector
 from core.errors import WRITE_REMEDY, CommandError, ConfigError
 from core.files import begin_unfinished, claimed, end_unfinished, numbered, put_beside
 
-_SLUG = re.compile(r"[a-z0-9][a-z0-9_-]{0,62}")
+LONGEST_SLUG: Final = 63
+_SLUG = re.compile(rf"[a-z0-9][a-z0-9_-]{{0,{LONGEST_SLUG - 1}}}")
 
 
 def slug_from(text: str) -> str:
@@ -27,7 +29,7 @@ def slug_from(text: str) -> str:
     """
     if not text.strip():
         raise CommandError("a name is missing", remedy="type letters and digits")
-    slug = re.sub(r"[^a-z0-9_-]+", "-", text.strip().lower()).strip("-_")[:63].rstrip("-_")
+    slug = re.sub(r"[^a-z0-9_-]+", "-", text.strip().lower()).strip("-_")[:LONGEST_SLUG].rstrip("-_")
     if not _SLUG.fullmatch(slug):
         raise CommandError("not a usable name", expected="letters and digits", got=repr(text[:80]))
     return slug
@@ -52,6 +54,11 @@ def free_path(paths: Iterable[Path]) -> Iterator[Path]:
             yield path
     except OSError as error:
         raise CommandError("cannot write", got=error.strerror, where=error.filename, remedy=WRITE_REMEDY) from error
+
+
+def taken_text(wanted: str, path: Path) -> str:
+    """What is said first of a file or folder that has not got the wanted name, as that was taken; else nothing."""
+    return "" if path.stem == wanted else f"there is another {wanted} already, so this is {path.stem}; "
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,17 +135,18 @@ class Workspace:
         Raises:
             ConfigError: if it cannot be written.
         """
-        path, number = self.config_path(name), 1
+        path = self.config_path(name)
         try:
             folder = begin_unfinished(self.configs)
             try:
                 save_detector(*detector, folder / "config.toml")
-                while not _holds(path, detector):
+                for path in map(self.config_path, numbered(slug_from(name), LONGEST_SLUG)):
+                    # Not `claimed`: where another program writes the same config at the same time, that one will do.
                     with suppress(FileExistsError):
                         put_beside(folder / "config.toml", path)
                         break
-                    number += 1
-                    path = self.config_path(f"{slug_from(name)[:58]}-{number}")
+                    if _holds(path, detector):
+                        break
             finally:
                 end_unfinished(folder)
         except OSError as error:

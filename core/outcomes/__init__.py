@@ -3,7 +3,8 @@ sure that is.
 """
 
 from core.outcomes.ball_log import ServeSeen
-from core.outcomes.classifier import ClassifiedStroke, OutcomeClassifier
+from core.outcomes.classifier import OutcomeClassifier
 from core.outcomes.config import OutcomeClassifierConfig
+from core.outcomes.stroke import ClassifiedStroke
 
 __all__ = ["ClassifiedStroke", "OutcomeClassifier", "OutcomeClassifierConfig", "ServeSeen"]

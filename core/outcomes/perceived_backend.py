@@ -21,9 +21,10 @@ from core.learning.task.hit_places import HitPlaces
 from core.learning.task.normalise import STATE_SIZES
 from core.learning.task.perception import state_of
 from core.outcomes.ball_log import ServeSeen
-from core.outcomes.classifier import NOT_SEEN_AGAIN, ClassifiedStroke, OutcomeClassifier, missed_stroke
+from core.outcomes.classifier import NOT_SEEN_AGAIN, OutcomeClassifier
 from core.outcomes.config import OutcomeClassifierConfig
 from core.outcomes.environment_backend import EnvironmentBackend, SeenBlock
+from core.outcomes.stroke import ClassifiedStroke, missed_stroke
 from core.physics.episode import Case, Outcomes
 from core.simulation.episodes.racket import RacketTarget, target_for_ball
 from core.trajectory import HitPlane

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from core.errors import LabelError
-from core.files import POSIX, beside, lock_descriptor, sync
+from core.files import POSIX, beside, lock_descriptor, numbered, sync
 from labels.database.connection import sqlite_errors, transaction
 from labels.database.edit_log import SessionHistory, Writer, add_edit, make_layer, step_back
 from labels.database.folder import Layer, journals_in
@@ -55,10 +55,7 @@ def _take_over(db: sqlite3.Connection, layer: Layer, path: Path) -> list[str]:
         if not known:  # else a kill came between the end of this block and the new name
             notes += replay(db, read_journal(path), layer, path)
             db.execute("INSERT INTO about VALUES (?, 'taken over')", (name,))
-    backup, number = beside(path, "", BACKUP), 1
-    while backup.exists():
-        number += 1
-        backup = beside(path, "", f"{BACKUP}-{number}")
+    backup = next(free for ending in numbered(BACKUP) if not (free := beside(path, "", ending)).exists())
     path.rename(backup)
     sync(path.parent)
     return [*notes, f"labels of an earlier version were taken over; the old file is kept as {backup}"]

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import errno
+import itertools
 import os
 import subprocess
 import sys
@@ -231,6 +232,12 @@ def test_a_name_that_another_program_has_claimed_is_taken_until_it_ends(tmp_path
     with files.claimed(names()) as path:
         assert path.name == "a-3"
     assert sorted(os.listdir(tmp_path)) == ["a", "a-2"]
+
+
+def test_a_numbered_name_is_no_longer_than_it_may_be() -> None:
+    names = list(itertools.islice(files.numbered("a" * 20, 10), 12))
+    assert names[:2] == ["a" * 10, "a" * 8 + "-2"] and names[-1] == "a" * 7 + "-12"
+    assert list(itertools.islice(files.numbered("a" * 20), 2)) == ["a" * 20, "a" * 20 + "-2"]
 
 
 def test_a_claim_that_another_takes_for_one_that_was_left_is_no_claim(

@@ -203,7 +203,7 @@ class LabelImports:
         host, workspace = self._host, self._host.services.workspace.root
         try:
             name = place_label_file(path, workspace)
-        except (LabelError, OSError) as error:
+        except (RallyscopeError, OSError) as error:
             problem = f"{path.name}: {str(error).replace(f'{path.parent}{os.sep}', '')}"
             host.later(lambda: self._tell_page("label_file", problem=problem))
             return

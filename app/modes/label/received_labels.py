@@ -14,8 +14,10 @@ from typing import IO, Final
 from app.modes.label.comparer import FOLDER as STORES
 from app.modes.label.comparer import SUFFIX as STORE_SUFFIX
 from app.modes.label.label_files import FOLDER, MAX_ENTRIES
+from app.shared.workspace import free_path
 from app.web.uploads import KEPT_FREE_BYTES
 from core.errors import LabelError
+from core.files import numbered
 from labels.store_contents import layers_of_store
 
 MAX_FILES: Final = 20_000
@@ -36,6 +38,7 @@ def place_label_file(path: Path, workspace: Path) -> str:
 
     Raises:
         LabelError: if it is no store or ZIP though it is called one, holds too much, or there are too many files.
+        CommandError: if it cannot be written there.
     """
     if path.suffix == STORE_SUFFIX:
         layers_of_store(path)  # what is no store is refused
@@ -50,15 +53,12 @@ def place_label_file(path: Path, workspace: Path) -> str:
 def _place(source: Path, folder: Path, name: str = "") -> str:
     """Move it into a folder under a name that is free there."""
     folder.mkdir(parents=True, exist_ok=True)
-    known = set(os.listdir(folder))
-    if len(known) >= MAX_ENTRIES:
+    if len(os.listdir(folder)) >= MAX_ENTRIES:
         raise LabelError("too many files wait there", expected=f"up to {MAX_ENTRIES}", where=folder.name)
-    name = name or source.name
-    stem, suffix = Path(name).stem, Path(name).suffix
-    numbered = (f"{stem}-{number}{suffix}" for number in range(2, MAX_ENTRIES + 2))
-    free = next(one for one in (name, *numbered) if one not in known)
-    shutil.move(source, folder / free)
-    return free
+    wanted = folder / (name or source.name)
+    with free_path(wanted.with_name(stem + wanted.suffix) for stem in numbered(wanted.stem)) as free:
+        shutil.move(source, free)
+    return free.name
 
 
 def _unpack(archive: Path, folder: Path) -> None:

@@ -17,6 +17,7 @@ from app.modes.tune.run_score import RunScore, score_run
 from app.modes.tune.settings import ConfigFilesPanel, SettingsPanel, TuneViewPanel, detect_command
 from app.modes.tune.verdict_line import ScoredConfig, ShownWindow, VerdictLine
 from app.panels.time_bar import Runs, runs_of_verdicts
+from app.shared.workspace import taken_text
 from app.state.client_state import SLOTS, ClientState, PickedPoint, Slot
 from app.state.commands import BeginScore, Command, PickCluster, SetMode, UseConfig
 from app.state.config_words import config_words
@@ -272,11 +273,10 @@ class TuneMode:
     def _save_config(self, name: str) -> None:
         state, workspace = self._host.state, self._host.services.workspace
         if state is not None:
-            wanted, path = workspace.config_path(name), workspace.keep_config(name, state.detector)
+            wanted, path = workspace.config_path(name).stem, workspace.keep_config(name, state.detector)
             self._files.show(workspace.config_names(), chosen=path.stem)
-            other = "" if path == wanted else f"there is another {wanted.stem} already, so this is {path.stem}; "
-            command = detect_command(state.tune.method, path)
-            self._host.note(f"Saved as {path.stem}", f"{other}In a terminal: {command}", "green")
+            text = f"{taken_text(wanted, path)}In a terminal: {detect_command(state.tune.method, path)}"
+            self._host.note(f"Saved as {path.stem}", text, "green")
 
     def _load_config(self, name: str) -> None:
         workspace = self._host.services.workspace

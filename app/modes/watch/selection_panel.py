@@ -14,7 +14,7 @@ from app.background.jobs import LoopJob, Progress
 from app.export.flight_set import write_flight_set
 from app.modes.mode import ModeHost
 from app.shared.ball_index import BallIndex
-from app.shared.workspace import Workspace, free_path, slug_from
+from app.shared.workspace import Workspace, free_path, slug_from, taken_text
 from core.errors import CommandError
 from core.files import numbered
 from core.recordings import open_recording
@@ -129,7 +129,10 @@ def list_to_label(
 
 
 def write_training(index: BallIndex, rows: NDArray[np.int64], workspace: Workspace, name: str) -> str:
-    """Write the launches of these rows to a file among the exports; a sentence of what was done.
+    """Write the launches of these rows to a file among the exports, with a number where the name is taken.
+
+    Returns:
+        A sentence of what was done.
 
     Raises:
         CommandError: if there are too few.
@@ -140,7 +143,7 @@ def write_training(index: BallIndex, rows: NDArray[np.int64], workspace: Workspa
     with free_path(workspace.exports / f"{free}.json" for free in numbered(name)) as path:
         done = write_launches(path, index.table.take(rows))
     left_out = f", {done.unknown:,} left out (state not known)" if done.unknown else ""
-    return f"{done.written:,} launches{left_out}: rallyscope train --balls {path}"
+    return f"{taken_text(name, path)}{done.written:,} launches{left_out}: rallyscope train --balls {path}"
 
 
 def write_data_set(
@@ -152,17 +155,19 @@ def write_data_set(
     progress: Progress = lambda share: None,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> str:
-    """Write the flights of these rows to a data set in the workspace; a sentence of what was done.
+    """Write the flights of these rows to a data set in the workspace, with a number where the name is taken.
+
+    Returns:
+        A sentence of what was done.
 
     Raises:
-        CommandError: if there is one of that name, or nobody says where the ball is in any of them.
+        CommandError: if nobody says where the ball is in any of them, or the folder cannot be written.
         RecordingError: if a recording is gone.
         LabelError: if labels cannot be read.
         ExportCancelledError: if `cancelled()` is true; nothing is left behind then.
     """
-    folder = workspace.data_sets / name
-    return str(
-        write_flight_set(
+    with free_path(workspace.data_sets / free for free in numbered(name)) as folder:
+        made = write_flight_set(
             index, rows, workspace.labels, folder, selected_by=selected_by, progress=progress, cancelled=cancelled
         )
-    )
+    return f"{taken_text(name, folder)}{made}"

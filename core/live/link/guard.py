@@ -7,7 +7,6 @@ characters (Z85).
 
 from __future__ import annotations
 
-import itertools
 import logging
 import os
 import stat
@@ -21,7 +20,7 @@ from zmq.utils import z85
 from zmq.utils.monitor import recv_monitor_message
 
 from core.errors import LinkError
-from core.files import BINARY, POSIX
+from core.files import BINARY, POSIX, numbered
 from core.text import is_loopback
 
 logger = logging.getLogger(__name__)
@@ -69,8 +68,7 @@ def make_keys(folder: Path) -> tuple[Path, Path]:
         if not (server / "secret.key").exists():
             _write_pair(server)
         own = _read_pair(server)
-        names = itertools.chain(["client"], (f"client-{number}" for number in itertools.count(2)))
-        client = folder / next(name for name in names if not (folder / name).exists())
+        client = folder / next(name for name in numbered("client") if not (folder / name).exists())
         pair = _write_pair(client)
         (client / "server.key").write_bytes(own.public + b"\n")
         (server / "clients").mkdir(exist_ok=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import shutil
 from collections.abc import Iterator, Mapping
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import RecordingError
-from core.files import POSIX, beside, replacing
+from core.files import POSIX, beside, numbered, replacing
 from core.recordings import layout
 from core.recordings.blocks import CHUNK_EVENTS, GZIP_LEVEL, pack_column, unpack_column
 from core.recordings.hdf5 import HDF5_ERRORS
@@ -80,8 +79,8 @@ def _unpack(log: BinaryIO, block: EventBlock, column: int) -> NDArray:
 
 def _keep_log(path: Path) -> Path:
     """Give a damaged log a second name beside its own, which is taken over by what was recovered."""
-    for number in itertools.count(1):
-        kept = beside(path, "", f".damaged-log{'' if number == 1 else f'-{number}'}")
+    for ending in numbered(".damaged-log"):
+        kept = beside(path, "", ending)
         if kept.exists():
             if kept.samefile(path):  # by an opening that was killed, or failed
                 return kept

@@ -1,6 +1,9 @@
 import queue
 import threading
 from collections.abc import Callable
+from contextlib import ExitStack
+
+import pytest
 
 from app.background.jobs import Job, LoopJob
 from tests.waiting import PATIENCE_S
@@ -92,3 +95,17 @@ def test_a_browser_that_is_gone_hears_of_no_end() -> None:
     loop.job.start(lambda progress, cancelled: 7, loop.said.append)
     loop.job.close()
     assert loop.said == [] and not loop.job.running
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_what_a_job_holds_is_free_before_anybody_hears_of_its_end(fails: bool) -> None:
+    order, held = [], ExitStack()
+    held.callback(order.append, "free")
+
+    def work(progress, cancelled) -> None:
+        order.append("work")
+        assert not fails
+
+    job = Job(work, lambda _: order.append("end"), lambda _: order.append("end"), held)
+    assert job.wait(PATIENCE_S)
+    assert order == ["work", "free", "end"]

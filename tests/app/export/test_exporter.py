@@ -10,6 +10,7 @@ from app.export.selection import Span
 from app.export.unfinished import ExportCancelledError, check_cancelled, unfinished_file
 from app.shared.workspace import Workspace
 from core.errors import CommandError
+from core.files import claimed
 from core.recordings import open_recording
 from tests.waiting import PATIENCE_S, eventually
 
@@ -35,6 +36,28 @@ def test_names_are_made_by_the_server_and_never_taken_twice(tmp_path) -> None:
     for name in ("../../etc/passwd", "rally-one-3.rrd", ""):
         with pytest.raises(CommandError, match="no such export"):
             exporter.path_of(name)
+
+
+def test_a_name_that_something_else_writes_to_is_left_to_it(tmp_path) -> None:
+    exporter = Exporter(Workspace(tmp_path))
+    with claimed([tmp_path / "exports" / "a-1.rrd"]):
+        assert exporter.start("a", ".rrd", write) == "a-2.rrd"
+        eventually(lambda: not exporter._job.running, "the export to end")
+    assert [file.name for file in exporter.files()] == ["a-2.rrd"]
+
+
+def test_an_export_that_cannot_begin_keeps_neither_the_folder_nor_the_name(tmp_path, monkeypatch) -> None:
+    with monkeypatch.context() as patched:
+        patched.setattr(threading.Thread, "start", no_thread)
+        with pytest.raises(RuntimeError):
+            Exporter(Workspace(tmp_path)).start("a", ".rrd", write)
+    exporter = Exporter(Workspace(tmp_path))
+    assert exporter.start("a", ".rrd", write) == "a-1.rrd"
+    eventually(lambda: not exporter._job.running, "the export to end")
+
+
+def no_thread(thread):
+    raise RuntimeError("can't start new thread")
 
 
 def test_what_is_removed_while_it_is_listed_is_left_out(tmp_path, monkeypatch) -> None:

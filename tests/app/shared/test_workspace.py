@@ -5,6 +5,7 @@ import pytest
 
 from app.shared.library import Library
 from app.shared.workspace import Workspace, free_path, slug_from
+from core import files
 from core.config import replace_setting, save_config
 from core.detection import DetectorConfig
 from core.detection.saved import SavedDetector, load_detector
@@ -62,6 +63,20 @@ def test_a_config_is_never_saved_over_another_one(tmp_path) -> None:
     second.write_text("not a config")
     assert workspace.keep_config("mine", other).name == "mine-3.toml"
     assert sorted(path.name for path in workspace.configs.iterdir()) == ["mine-2.toml", "mine-3.toml", "mine.toml"]
+    kept = [workspace.keep_config("a" * 63, one).stem for one in (config, other)]
+    assert kept == ["a" * 63, "a" * 61 + "-2"], "the longest name has a number, too"
+
+
+def test_one_config_that_two_servers_save_at_once_is_one_config(tmp_path, monkeypatch) -> None:
+    workspace, config, put = Workspace(tmp_path), SavedDetector("auto", DetectorConfig()), files.put_beside
+
+    def quicker(source, path) -> None:
+        save_config(config.config, path)  # another server, just then
+        put(source, path)
+
+    monkeypatch.setattr("app.shared.workspace.put_beside", quicker)
+    assert workspace.keep_config("mine", config).name == "mine.toml"
+    assert workspace.config_names() == ("mine",)
 
 
 def test_the_same_settings_of_another_method_are_another_config(tmp_path) -> None:

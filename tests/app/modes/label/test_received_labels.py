@@ -15,6 +15,7 @@ from app.modes.label.comparer import FOLDER as STORES
 from app.modes.label.label_files import FOLDER, MAX_ENTRIES, files_to_import
 from app.modes.label.received_labels import place_label_file
 from core.errors import LabelError
+from core.files import claimed
 from labels.model import Label, LabelState
 from labels.store import LabelStore
 from labels.store_contents import copy_store, read_store
@@ -47,6 +48,10 @@ def test_a_file_goes_where_the_import_looks_under_a_name_that_is_free(incoming: 
         assert place_label_file(path, workspace) == expected
         assert files_to_import(workspace)[expected].read_text() == expected
     assert not list(incoming.iterdir())
+    with claimed([workspace / FOLDER / "clicks-4.csv"]):  # by another server that receives one now
+        path.touch()
+        assert place_label_file(path, workspace) == "clicks-5.csv"
+        assert len(files_to_import(workspace)) == 4, "a claim is no file"
 
 
 def test_a_zip_becomes_a_folder_without_what_systems_add(incoming: Path, workspace: Path) -> None:

@@ -35,7 +35,8 @@ def test_the_launches_of_a_selection_are_written_for_a_training(tmp_path: Path) 
     said = write_training(index, np.arange(10), Workspace(tmp_path), "fast")
     assert said.startswith("10 launches") and "train --balls" in said
     assert len(read_ball_states(tmp_path / "exports" / "fast.json")) == 10
-    assert "fast-2.json" in write_training(index, np.arange(12), Workspace(tmp_path), "fast")
+    said = write_training(index, np.arange(12), Workspace(tmp_path), "fast")
+    assert said.startswith("there is another fast already, so this is fast-2; 12 launches")
     assert len(read_ball_states(tmp_path / "exports" / "fast.json")) == 10, "an earlier file stays"
     with pytest.raises(CommandError, match="too few"):
         write_training(index, np.arange(3), Workspace(tmp_path), "few")
@@ -48,3 +49,7 @@ def test_the_flights_of_a_selection_are_written_as_a_data_set(tmp_path: Path) ->
     assert said.startswith("2 flights")
     selection = read_manifest(tmp_path / "data-sets" / "fast")["selection"]
     assert selection["selected_by"] == "a line drawn round points"
+    said = write_data_set(index, np.arange(1), Workspace(tmp_path), "fast", "another line")
+    assert said.startswith("there is another fast already, so this is fast-2; 1 flight")
+    manifests = [read_manifest(tmp_path / "data-sets" / name) for name in ("fast", "fast-2")]
+    assert [one["title"] for one in manifests] == ["fast", "fast-2"], "an earlier one stays"
