@@ -247,7 +247,7 @@ class RallyChain:
         if self._size is not None:
             self._size.reset()
         self.forget_flight()
-        self._predictor.forget()
+        self._predictor.reset()
         self.distrust(None)
 
     def distrust(self, camera: str | None, off_px: float = 0.0) -> None:
@@ -280,9 +280,9 @@ class RallyChain:
     def forget_flight(self) -> None:
         """Expect a new ball; the detectors go on as they are, and what was learnt of air and table is kept."""
         self._gate.reset()
-        self._predictor.reset()
+        self._predictor.forget_flight()
         if self._single is not None:
-            self._single.reset()
+            self._single.forget_flight()
 
     def track_states(self) -> dict[str, TrackState]:
         """What each detector remembers now: with it the readable pipeline can show the next window's stages."""
@@ -392,7 +392,7 @@ class RallyChain:
         if point is None or verdict == "stray":
             return None
         if verdict != "same flight":
-            self._predictor.reset()
+            self._predictor.forget_flight()
         if verdict == "struck":
             return None
         if self._single is not None:

@@ -54,9 +54,9 @@ class SingleView:
         """See `RallyChain.distrust`."""
         self.exposures_us: dict[str, int] = {}
         """Length of the newest picture of each frame camera: its answer, of mid exposure, is known so much later."""
-        self.reset()
+        self.forget_flight()
 
-    def reset(self) -> None:
+    def forget_flight(self) -> None:
         """Expect a new flight, which several cameras have to begin."""
         self._several_us: int | None = None
         self.used: dict[str, tuple[float, float]] = {}

@@ -109,7 +109,7 @@ def _fitted(physics: PhysicsConfig, flight: RecordedFlight, *, with_spin: bool) 
 
 
 def _predicted(predictor: FilterPredictor | PaperPredictor, flight: RecordedFlight) -> PredictedFlight | None:
-    predictor.reset()
+    predictor.forget_flight()
     for t, p in zip(flight.t_s, flight.ps_m, strict=True):
         predictor.add(round(1e6 * t), p)
     predicted = predictor.predict() if isinstance(predictor, FilterPredictor) else predictor.latest

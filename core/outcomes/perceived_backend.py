@@ -90,7 +90,7 @@ class PerceivedBackend:
         serves = batch.serves
         self.served_us, self.judged = self._world_backend.now_us, None
         self._chain.reset()
-        self._places.forget()
+        self._places.forget_flight()
         self._met = None
         self._judge.begin()
         self._world_backend.serve(serves.ps_m[0], serves.vs_mps[0], serves.spins_radps[0])

@@ -48,8 +48,8 @@ class RobotClock:
         """Estimate from the quickest recent reply; None while unknown."""
         return min(self._samples, key=lambda one: one.within_us) if len(self._samples) >= ENOUGH else None
 
-    def forget(self) -> None:
-        """Reset for another clock."""
+    def reset(self) -> None:
+        """Forget all samples: it is another clock."""
         self._samples.clear()
 
     def add(self, sent_us: float, received_us: float, robot_us: float) -> bool:
@@ -170,7 +170,7 @@ class RobotWatch:
         if self._known is None or welcome.session != self._known.session:
             if self._known is not None:
                 self.stop = StopNote("robot", ANEW)
-            self.clock.forget()
+            self.clock.reset()
             self._round_trips_us.clear()
             self.states.clear()
         self.welcome = self._known = welcome
@@ -191,7 +191,7 @@ class RobotWatch:
         self._received_us = host_us
         if self.states and state.t_us < self.states[-1].t_us:
             self.count(clock_jumps=1)
-            self.clock.forget()
+            self.clock.reset()
             self.states.clear()
         self.states.append(state)
         if state.stopped and self.stop is None:
@@ -209,7 +209,7 @@ class RobotWatch:
             self.count(lost=self._connection == "lost", slow=self._connection == "slow")
         if self._connection == "lost":
             self.welcome = None
-            self.clock.forget()
+            self.clock.reset()
             self._round_trips_us.clear()
         return self._connection
 

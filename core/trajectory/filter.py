@@ -165,17 +165,17 @@ class FilterPredictor:
         self._hit_x_m = hit_x_m
         self._noise_m2 = self.config.sigma_point_m**2 * np.eye(3)
         self._floor_m2 = self.config.noise_m**2 * np.eye(3)
-        self.forget()
-
-    def forget(self) -> None:
-        """Reset the flight and the learned constants."""
-        self._filters: tuple[BallFilter, ...] = ()
-        self.learned = nothing_learned(self.config)
-        """Constants of air and table learned from the flights before this one."""
         self.reset()
 
     def reset(self) -> None:
-        """Reset the flight; the learned constants are kept and updated, where they are learned."""
+        """Forget everything: what was learnt of air and table too."""
+        self._filters: tuple[BallFilter, ...] = ()
+        self.learned = nothing_learned(self.config)
+        """Constants of air and table learned from the flights before this one."""
+        self.forget_flight()
+
+    def forget_flight(self) -> None:
+        """Expect a new ball; what was learnt of air and table is kept, and updated by this flight."""
         self._learn()
         self.latest: Prediction | None = None
         self._filters, self._predicted_us = (), 0

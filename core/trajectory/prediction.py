@@ -156,12 +156,12 @@ class Predictor(Protocol):
         """A new prediction if this point leads to one. Points come in order of time, maybe with their covariance."""
         ...
 
-    def reset(self) -> None:
-        """Forget the flight seen so far."""
+    def forget_flight(self) -> None:
+        """Expect a new ball; what was learnt of air and table is kept."""
         ...
 
-    def forget(self) -> None:
-        """Reset the flight and the learned constants."""
+    def reset(self) -> None:
+        """Forget everything: what was learnt of air and table too."""
         ...
 
 

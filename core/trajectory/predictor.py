@@ -69,18 +69,18 @@ class PaperPredictor:
         self._bounce = BounceFinder(self.config)
         self.reset()
 
+    def forget_flight(self) -> None:
+        """Expect a new ball; nothing is learned from flight to flight."""
+        self.reset()
+
     def reset(self) -> None:
-        """Forget the flight seen so far."""
+        """Forget everything."""
         self._bounce.reset()
         self._recent: list[tuple[int, Array]] = []
         self._observations: list[tuple[int, Array]] = []
         self.bounces_us: tuple[int, ...] = ()
         self.latest: Prediction | None = None
         self._expected_us = 1 << 62
-
-    def forget(self) -> None:
-        """Reset; nothing is learned from flight to flight."""
-        self.reset()
 
     @property
     def stage(self) -> Stage:

@@ -139,6 +139,18 @@ def test_names_say_it_in_the_words_of_the_field() -> None:
     assert unfit == STORED_NAMES
 
 
+def test_what_is_forgotten_short_of_everything_is_named() -> None:
+    """`reset` forgets everything, `forget_flight` the flight: `forget` alone was the one here and the other there."""
+    bare = [
+        name_of(path)
+        for path in SOURCES
+        for node in ast.walk(tree_of(path))
+        if path.relative_to(ROOT).parts[0] == "core" and isinstance(node, ast.FunctionDef) and node.name == "forget"
+        if [argument.arg for argument in node.args.args] == ["self"]
+    ]
+    assert bare == []
+
+
 def test_every_part_is_typed_for_those_who_use_it() -> None:
     for part in PARTS:
         assert (ROOT / part / "py.typed").is_file()

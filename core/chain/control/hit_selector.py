@@ -34,13 +34,13 @@ class ChoosesHit(Protocol):
 
 
 class HitSelector:
-    """Chooses for one ball after the other; `forget` between two."""
+    """Chooses for one ball after the other; `forget_flight` between two."""
 
     def __init__(self, config: HitChoiceConfig | None = None) -> None:
         self._config = config or HitChoiceConfig()
-        self.forget()
+        self.forget_flight()
 
-    def forget(self) -> None:
+    def forget_flight(self) -> None:
         """Expect a new ball."""
         self.choice: HitChoice | None = None
         """The newest choice for this ball; None at the paper's plane."""

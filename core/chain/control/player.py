@@ -112,7 +112,7 @@ class Player:
         self._forget_hit()
 
     def _forget_hit(self) -> None:
-        self._hits.forget()
+        self._hits.forget_flight()
         self._racket: FaceTrajectory | None = None  # where it was when the last decision took effect; None at home
 
     def step(self, windows: Mapping[str, Window]) -> PlayerState:

@@ -83,10 +83,10 @@ class HitPlaces:
         self._home_m: Array = racket.home_m
         self._reach = RacketReach.of_config(racket)
 
-    def forget(self) -> None:
+    def forget_flight(self) -> None:
         """Expect a new ball."""
         if self._selector is not None:
-            self._selector.forget()
+            self._selector.forget_flight()
 
     def of(self, state: ChainState) -> HitPlane | None:
         """The place after a step; None without a new prediction, or where the ball does not come."""

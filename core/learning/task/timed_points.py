@@ -239,7 +239,7 @@ def _watch(
     hit_x_m: float | None,
 ) -> None:
     """One ball, block by block, until the stroke is decided or the ball is past; fills in row i."""
-    predictor.reset()
+    predictor.forget_flight()
     block_s, k = 1e-3 * timing.block_ms, 0
     seen: HitPlane | None = None
     for block in range(1, 1 + int(arrives_s / block_s)):

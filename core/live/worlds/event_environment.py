@@ -101,7 +101,7 @@ class EventCameraBackend:
         serves = batch.serves
         self._served_s = self.world.serve(serves.ps_m[0], serves.vs_mps[0], serves.spins_radps[0]).t_s
         self._chain.reset()
-        self._places.forget()
+        self._places.forget_flight()
         self._judged = None
         seen: HitPlane | None = None
         while self._judged is None and self.world.now_us * 1e-6 < self._served_s + LONGEST_BALL_S:

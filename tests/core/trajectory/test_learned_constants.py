@@ -27,13 +27,13 @@ def watch(predictor: FilterPredictor, physics: PhysicsConfig, balls: int, points
     """Spinless serves at 330 points/s with half a millimetre of noise."""
     rng = np.random.default_rng(4)
     for _ in range(balls):
-        predictor.reset()
+        predictor.forget_flight()
         start = np.array([1.3, 0.1, 0.35, -rng.uniform(4, 8), rng.normal(0, 0.2), rng.uniform(0, 0.8), 0, 0, 0])
         t_s = 0.003 * np.arange(points)
         ps = simulate_flight(start, t_s, physics) + rng.normal(0, 0.0005, (points, 3))
         for t, p in zip(t_s, ps, strict=True):
             predictor.add(round(1e6 * t), p, 0.0005**2 * np.eye(3))
-    predictor.reset()
+    predictor.forget_flight()
     return predictor.learned
 
 
@@ -66,11 +66,11 @@ def test_a_slow_ball_on_a_smoother_table_than_assumed_is_given_its_own_spin() ->
     assert predictor.stage == "post"
     pushed_mps = float((ps[-1] - ps[-11])[0] / (t_s[-1] - t_s[-11])) - start[3]
     assert predictor.state[7] == pytest.approx(-75.0 * pushed_mps, abs=5.0)
-    predictor.reset()
+    predictor.forget_flight()
     assert predictor.learned.means[2] < 0.18
 
 
-def test_the_next_ball_begins_with_what_was_learnt_and_forget_takes_it_away() -> None:
+def test_the_next_ball_begins_with_what_was_learnt_and_reset_takes_it_away() -> None:
     predictor = FilterPredictor(UNTOLD)
     found = watch(predictor, lab(0.42, 0.95, 0.29), 3)
     for config, odds in found.kinds(UNTOLD):
@@ -79,7 +79,7 @@ def test_the_next_ball_begins_with_what_was_learnt_and_forget_takes_it_away() ->
         assert config.drag == (PAPER["drag"] if config.magnus == 0 else pytest.approx(found.means[0]))
         assert 0 < odds < 1
     assert sum(odds for _, odds in found.kinds(UNTOLD)) == pytest.approx(1.0)
-    predictor.forget()
+    predictor.reset()
     start = nothing_learned(UNTOLD)
     np.testing.assert_array_equal(predictor.learned.means, start.means)
     assert predictor.learned.balls == 0
@@ -98,7 +98,7 @@ def test_a_flight_that_ends_with_a_hit_teaches_as_much(strays: int) -> None:
         for number, p in enumerate(np.concatenate([ps, away])):
             predictor.add(3000 * number, p, 0.0005**2 * np.eye(3))
         before = predictor.learned.balls
-        predictor.reset()
+        predictor.forget_flight()
         assert predictor.learned.balls >= 2 and (before == 1) == (back < 5)
         taught.append(predictor.learned)
     np.testing.assert_allclose(taught[1].means[1:], taught[0].means[1:], atol=0.004)

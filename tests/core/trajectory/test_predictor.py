@@ -165,7 +165,7 @@ def test_points_out_of_order_or_not_finite_are_refused() -> None:
         predictor.add(1000, LAUNCH)
     with pytest.raises(ConfigError, match="3 finite"):
         predictor.add(2000, [0.0, np.nan, 0.0])
-    predictor.reset()
+    predictor.forget_flight()
     assert predictor.add(0, LAUNCH) is None and predictor.latest is None
 
 

@@ -59,11 +59,12 @@ def test_it_predicts_bounce_and_plane_before_and_after_the_bounce(predictor: Pre
     assert predictor.bounces_us[0] * 1e-6 == pytest.approx(bounced_s, abs=0.003)
 
 
-def test_a_flight_that_is_forgotten_leaves_no_trace(predictor: Predictor) -> None:
+@pytest.mark.parametrize("forget", ["forget_flight", "reset"])
+def test_a_flight_that_is_forgotten_leaves_no_trace(predictor: Predictor, forget: str) -> None:
     t_s = np.arange(0.0, 0.45, 0.002)
     ps, _ = flight(t_s)
     first = [predictor.add(round(1e6 * t), p) for t, p in zip(t_s, ps, strict=True)]
-    predictor.reset()
+    getattr(predictor, forget)()
     assert predictor.latest is None and predictor.bounces_us == ()
     again = [predictor.add(round(1e6 * t), p) for t, p in zip(t_s, ps, strict=True)]
     assert [one is None for one in first] == [one is None for one in again]
