@@ -185,6 +185,12 @@ def _own_label(own: dict[str, object], t_us: int, context: ImportContext) -> Lab
 
 
 def _label_of(region: JsonObject, t_us: int, context: ImportContext) -> Label:
+    if finite(region.get("image_rotation") or 0, "image_rotation") % 360:
+        # Its shares are then of the turned picture, its size is that before the turn.
+        remedy = "turn the picture back in Label Studio, and export again"
+        raise LabelError(
+            "the picture was turned while it was labelled", got=f"{region['image_rotation']} degrees", remedy=remedy
+        )
     inner = region.get("value")
     value = inner if isinstance(inner, dict) else region
     kind = next((name for name in SHAPES if name in value), None)

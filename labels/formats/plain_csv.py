@@ -5,7 +5,7 @@ Contacts are in a table of their own beside it, `<camera>.contacts.csv`: time, k
 Read is also a 2D track of another tool: a table with a time (or the step to the row before), x and y, perhaps a radius.
 `t_us,x,y` or any usual spelling of the columns; `dt` counts from the row before, the first from 0; a column `frame` has
 its times in `--frame-times`. A time without a unit is in us if all are whole numbers, else in s, and a note says so.
-Rows without a position are passed over: nobody says that there was no ball.
+Rows without a position are passed over: nobody says that there was no ball. One at 0, 0 is rejected.
 """
 
 from __future__ import annotations
@@ -110,11 +110,11 @@ def read_track(
             t_us = context.time_of_frame(whole_number(fields[columns.time], "the frame"))
         else:
             t_us = round(now * UNITS_US[unit])
+        read = [finite(place, "a coordinate") for place in places]
+        if not any(read):  # as TrackNet and many trackers write where they found nothing
+            raise LabelError("a ball in the very corner of the picture: 0, 0 stands for no position")
         # A picture is scaled about its corner.
-        x, y = (
-            (finite(place, "a coordinate") + HALF_PIXEL) * factor - HALF_PIXEL
-            for place, factor in zip(places, (across, down), strict=True)
-        )
+        x, y = ((place + HALF_PIXEL) * factor - HALF_PIXEL for place, factor in zip(read, (across, down), strict=True))
         text = "" if columns.radius is None else fields[columns.radius].strip()
         radius = None if text.lower() in NO_NUMBER else finite(text, "the radius") * (across + down) / 2
         return context.ball(t_us, LabelState.VISIBLE, x, y, radius)
@@ -171,6 +171,9 @@ def _read_file(text: str, file: Path, context: ImportContext, collector: Collect
         _read_contacts(rows, header, file, context, collector)
         return
     if "state" not in header and (columns := track_columns([name.lower() for name in header])) is not None:
+        read = {columns.time, columns.x, columns.y, columns.radius}
+        if others := [name for at, name in enumerate(header) if at not in read and name]:
+            collector.note(f"{file.name}: the columns {', '.join(others)} are not read")
         read_track(list(rows), columns, file, context, collector)
         return
     unknown, missing = [name for name in header if name not in COLUMNS], set(REQUIRED) - set(header)

@@ -452,6 +452,7 @@ def test_a_yaml_with_tags_still_names_the_classes(tmp_path: Path) -> None:
         ("frame,x,y,r\n1,639.5,179.5,7\n", (), [AT]),
         ("t_us,x,y\n10000,319.5,89.5\n", ("--picture-size", "640x360"), [AT]),
         ("t_us,x,y\n10000,5000,89.5\n", (), []),
+        ("t_us,x,y\n0,0,0\n10000,639.5,179.5\n20000,0.0,0.0\n", (), [AT]),
         ("t_us,t_s,x,y\n10000,0.01,5,5\n", (), []),
     ],
 )
@@ -461,3 +462,24 @@ def test_a_track_of_another_tool_becomes_labels(
     made = import_files(tmp_path, "csv", {"a.csv": text}, *flags)
     assert made.code == (0 if rows else 2)
     assert made.rows == [pytest.approx(row) for row in rows]
+
+
+def test_columns_of_a_track_that_nobody_reads_are_named(tmp_path: Path) -> None:
+    made = import_files(tmp_path, "csv", {"a.csv": "t_us,id,x,y,w\n10000,7,639.5,179.5,20\n"})
+    assert made.rows == [pytest.approx(AT)] and "a.csv: the columns id, w are not read" in made.notes
+
+
+def test_a_picture_that_was_turned_while_it_was_labelled_is_rejected(tmp_path: Path) -> None:
+    value = {"x": 50, "y": 25, "radiusX": 1, "radiusY": 1, "ellipselabels": ["ball"]}
+    region = {"type": "ellipselabels", "original_width": SENSOR.width_px, "original_height": SENSOR.height_px}
+    tasks = [
+        {
+            "id": number,
+            "data": {"image": f"frame_00000{number}.png"},
+            "annotations": [{"result": [{**region, "image_rotation": turned, "value": value}]}],
+        }
+        for number, turned in ((1, 0), (2, 90))
+    ]
+    made = import_files(tmp_path, "label-studio", {"a.json": json.dumps(tasks)})
+    assert made.rows == [pytest.approx(AT)]
+    assert "turned while it was labelled; got 90 degrees" in made.said

@@ -104,6 +104,20 @@ READ: dict[str, tuple[Write, ImportOptions]] = {
         lambda p: make.text(p, make.Rows(*(column[::-1] for column in VGA)), "{t},{x},{y},{p}", "t,x,y,p"),
         ImportOptions(),
     ),
+    # Words beside the events, in front of them or behind words for the polarity: was refused, "are not events".
+    "own variation: the camera's name first": (
+        lines(lambda t, x, y, p: f"left,{t},{x},{y},{p}", "camera,t,x,y,p"),
+        ImportOptions(),
+    ),
+    "own variation: the camera's name behind a word": (
+        lines(lambda t, x, y, p: f"{t},{x},{y},{'on' if p else 'off'},left", "t,x,y,p,camera"),
+        ImportOptions(),
+    ),
+    # Addresses of 16 bits with a fraction: was right, with a warning of NumPy.
+    "own variation: float16": (
+        lambda p: make.npz(p, t=VGA.t, x=VGA.x.astype(np.float16), y=VGA.y.astype(np.float16), p=VGA.p),
+        ImportOptions(),
+    ),
     # Seconds with more digits than a clock has: was right.
     f"{GITHUB}/neuromorphs/tonic/issues/210": (
         lines(lambda t, x, y, p: f"{t / 1e6:.6f}00000001,{x},{y},{p}"),
@@ -127,6 +141,11 @@ REFUSED: dict[str, tuple[Write, str]] = {
     f"{GITHUB}/neuromorphs/tonic/issues/94": (
         lines(lambda t, x, y, p: f"{t},{x},{y + 240},{p}"),
         "expected a sensor of at least 640x7[12]",
+    ),
+    # Two cameras in one table: was read as one camera that saw everything twice.
+    "own variation: a column for the camera": (
+        lines(lambda t, x, y, p: f"{t},{x},{y},{p},{t % 2}", "t,x,y,p,cam_id"),
+        "several cameras.*got 0, 1",
     ),
     "own variation: what is no date": (lines(lambda t, x, y, p: f"2025-13-01 25:00:00,{x},{y},{p}"), "are not events"),
 }

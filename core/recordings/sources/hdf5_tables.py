@@ -1,6 +1,6 @@
 """HDF5 layouts of datasets: DSEC, MVSEC, and what is used for training networks.
 
-/events/{x, y, t, p}, /t_offset                  DSEC: t in us, absolute = t + t_offset
+/events/{x, y, t, p}, /t_offset                  DSEC: t in us, absolute = t + t_offset; the offset nearest to them
 /davis/{left, right}/events                      MVSEC: rows of x, y, t in s, polarity -1 or 1
 /events/{xs, ys, ts, ps}, sensor_resolution      the unit of ts is told from its values
 /raw_events/{x, y, t, p}                         likewise
@@ -141,7 +141,9 @@ def _open_table(path: Path, file: h5py.File, table: _Table, name: str, sensor: S
     count = table.count(file, path)
     where = dataset_at(file, table.path) if table.records else group_at(file, table.path)
     holders = [file, where, *([where.parent] if table.path != "/" else [])]
-    offset_us = int(np.asarray(dataset_at(file, "t_offset")[()]).reshape(-1)[0]) if "t_offset" in file else 0
+    # DSEC's files of several cameras put into one have an offset beside the events of each.
+    offset_at = next((one for one in (*holders[1:], file) if isinstance(one, h5py.Group) and "t_offset" in one), None)
+    offset_us = 0 if offset_at is None else int(np.asarray(dataset_at(offset_at, "t_offset")[()]).reshape(-1)[0])
     label = "HDF5 of records" if table.records else _LABELS.get((table.path, table.names), "HDF5 of columns")
     dsec = label.startswith("DSEC") and "ms_to_idx" in file
     times = where if table.records else dataset_at(group_at(file, table.path), table.names[0])

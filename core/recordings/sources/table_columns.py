@@ -35,6 +35,7 @@ _AT_SIZE: Final = re.compile(r"([xy])@([0-9]{1,5})")
 def addresses_from_column(column: NDArray) -> NDArray[np.int64]:
     """The nearest pixel addresses; -1, which is on no sensor, for what is no number."""
     if column.dtype.kind == "f":
+        column = column.astype(np.float64)  # 2**31 is beyond float16
         column = np.rint(np.where(np.abs(column) < 2**31, column, -1))
     return column.astype(np.int64)
 

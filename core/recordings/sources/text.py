@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -39,6 +39,18 @@ _DATE: Final = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 _BRACKETS: Final = str.maketrans("", "", "()[]{}\"'")
 _HEAD_BYTES: Final = 1 << 16
+_CAMERAS: Final = (
+    "camera",
+    "cam",
+    "camera_id",
+    "cam_id",
+    "camera_name",
+    "cam_name",
+    "sensor",
+    "sensor_id",
+    "device_id",
+)
+"""Columns whose values tell cameras apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +71,8 @@ class _Layout:
     """Whether commas within quotes part thousands."""
     assumed: tuple[str, ...] = ()
     """What is said of columns without names."""
+    camera: int | None = None
+    """The column that says which camera an event is of."""
 
 
 def open_text(path: Path, sensor: SensorSize | None) -> list[EventSource]:
@@ -129,7 +143,7 @@ def _find_layout(path: Path) -> _Layout:
         if commented is not None:
             places = find_columns(commented, where=str(path))
             return replace(layout, places=places, unit=_unit(layout, places, commented[places["t"]]))
-        sample, _ = _parse(_cleaned(lines[skip:], layout, {}), separator, len(names))
+        sample, _ = _parse(_cleaned(lines[skip:], layout, {}), separator, range(len(names)))
         if len(names) != 4 or not len(sample):
             raise RecordingError("the text is not events", expected="four numbers a line", got=got, where=path)
         order = guess_columns(sample, where=str(path))
@@ -154,11 +168,13 @@ def _find_layout(path: Path) -> _Layout:
         )
     dates = _place_of_date(second)
     layout = replace(layout, dates=dates if dates == places["t"] else None)
-    words = _place_of_words(second[: len(names)], dates)
+    word = second[places["p"]].strip() if len(second) > places["p"] else ""
+    camera = next((place for place, name in enumerate(names) if name.lower() in _CAMERAS), None)
     others = [name for place, name in enumerate(names) if place not in places.values() and not _is_index(name)]
     return replace(
         layout, skip=skip + 1, places=places, unit=_unit(layout, places, names[places["t"]]),
-        sensor=sensor or size_in_names(names), words=words if words == places["p"] else None,
+        sensor=sensor or size_in_names(names), camera=camera,
+        words=places["p"] if word and not _is_number(word) else None,
         assumed=(f"{path.name}: the columns {', '.join(others)} are not read.",) if others else (),
     )  # fmt: skip
 
@@ -270,7 +286,8 @@ def _plain(text: str, layout: _Layout) -> str:
 
 def _decode(path: Path, layout: _Layout, report: DecodeReport) -> Iterator[RawColumns]:
     size = max(1, path.stat().st_size)
-    width = max(4, max(layout.places.values()) + 1)
+    columns = [layout.places[name] for name in ("t", "x", "y", "p")]
+    cameras = set[str]()
     number, read, rows, odd = layout.skip, 0, 0, 0
     first_odd = ""
     codes: dict[str, int] = {}
@@ -279,16 +296,18 @@ def _decode(path: Path, layout: _Layout, report: DecodeReport) -> Iterator[RawCo
             read += len(file.readline())
         while lines := list(itertools.islice(file, _LINES)):
             cleaned = _cleaned(lines, layout, codes)
-            table, bad = _parse(cleaned, layout.separator, width)
+            table, bad = _parse(cleaned, layout.separator, columns)
             # A number that lost its last digits is still a number.
-            if _is_cut_short(lines[-1], table, layout.places):
+            if _is_cut_short(lines[-1], table):
                 table = table[:-1]
+            if layout.camera is not None:
+                _check_one_camera(cleaned, set(bad), layout, cameras, path)
             if bad and not odd:
                 first_odd = f"line {number + bad[0] + 1:,}: {lines[bad[0]].strip()[:40]!r}"
             odd += len(bad)
             rows += len(table)
             if len(table):
-                t, x, y, p = (table[:, layout.places[name]] for name in ("t", "x", "y", "p"))
+                t, x, y, p = table.T
                 yield RawColumns(t, x, y, p if layout.words is None else np.array(list(codes))[p.astype(np.intp)])
             number += len(lines)
             read += sum(map(len, lines))
@@ -300,33 +319,50 @@ def _decode(path: Path, layout: _Layout, report: DecodeReport) -> Iterator[RawCo
     report.leave_out("lines that are no events", odd, note)
 
 
-def _is_cut_short(line: str, table: NDArray, places: dict[str, int]) -> bool:
+def _check_one_camera(lines: list[str], odd: set[int], layout: _Layout, cameras: set[str], path: Path) -> None:
+    """Raise RecordingError if the events are of more than one camera; `cameras`, those of the lines before, grows."""
+    place = layout.camera or 0
+    for number, line in enumerate(lines):
+        fields = line.split(layout.separator)
+        if number not in odd and not _is_comment(line) and len(fields) > place:
+            cameras.add(fields[place].strip())
+    if len(cameras) > 1:
+        raise RecordingError(
+            "the table holds the events of several cameras",
+            expected="one value in the column that says which camera it is",
+            got=", ".join(sorted(cameras)[:8]),
+            where=path,
+            remedy="write the events of each camera into a file of its own, and import them together",
+        )
+
+
+def _is_cut_short(line: str, table: NDArray) -> bool:
     """Whether the line ends within its time, which then has too few digits."""
-    t = table[:, places["t"]]
+    t = table[:, 0]
     return not line.endswith("\n") and len(t) > 1 and t[-1] < t[-2]
 
 
-def _parse(lines: list[str], separator: str | None, width: int) -> tuple[NDArray[np.float64], list[int]]:
-    """The numbers of the lines that are events, and which lines are none."""
+def _parse(lines: list[str], separator: str | None, columns: Sequence[int]) -> tuple[NDArray[np.float64], list[int]]:
+    """The numbers in these columns of the lines that are events (N, columns), and which lines are none."""
     try:
-        table = np.loadtxt(lines, np.float64, delimiter=separator, ndmin=2, comments=("#", "%"), usecols=range(width))
+        table = np.loadtxt(lines, np.float64, delimiter=separator, ndmin=2, comments=("#", "%"), usecols=columns)
         if bool(np.isfinite(table).all()):
             return table, []
     except ValueError:
         pass
-    bad = [i for i, line in enumerate(lines) if not _is_event(line, separator, width)]
+    bad = [i for i, line in enumerate(lines) if not _is_event(line, separator, columns)]
     odd = set(bad)
     rows = [line for i, line in enumerate(lines) if i not in odd and not _is_comment(line)]
     if not rows:
-        return np.empty((0, width)), bad
-    return np.loadtxt(rows, np.float64, delimiter=separator, ndmin=2, usecols=range(width)), bad
+        return np.empty((0, len(columns))), bad
+    return np.loadtxt(rows, np.float64, delimiter=separator, ndmin=2, usecols=columns), bad
 
 
-def _is_event(line: str, separator: str | None, width: int) -> bool:
+def _is_event(line: str, separator: str | None, columns: Sequence[int]) -> bool:
     if _is_comment(line):
         return True
     fields = line.split(separator)
-    return len(fields) >= width and all(_is_number(field) for field in fields[:width])
+    return len(fields) > max(columns) and all(_is_number(fields[place]) for place in columns)
 
 
 def _is_number(text: str) -> bool:

@@ -1,5 +1,6 @@
 import csv
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -7,8 +8,10 @@ import numpy as np
 import pytest
 
 from app.cli import main
+from app.cli.track import odd_rays
 from core.cameras import stereo_preset
 from core.cameras.presets import camera_preset
+from core.chain.follow import Track
 from core.config import replace_setting, save_config
 from core.detection import auto_config
 from core.events import Events
@@ -114,6 +117,26 @@ def test_cameras_that_cannot_see_depth_are_refused(tmp_path, capsys) -> None:
 def test_a_folder_that_is_not_there_is_noticed_before_the_work(serve_recording, tmp_path, capsys) -> None:
     assert main(["track", str(serve_recording), "--out", str(tmp_path / "nowhere" / "track.csv")]) == 2
     assert "nowhere" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("points", "residual_px", "seen", "says"),
+    [
+        (240, 0.5, 245, None),
+        (5, 0.1, 19, None),
+        (42, 0.3, 240, "meet in 42 only.*--names.*--offset-us"),
+        (225, 1.8, 245, "miss each other by 1.8 px"),
+        (0, 0.0, 30, "in 30 windows, but their rays meet in 0"),
+        (0, 0.0, 0, "no window has a ball in every camera"),
+        (240, 0.3, 0, None),
+    ],
+)
+def test_rays_that_do_not_meet_are_said_with_the_causes(points, residual_px, seen, says: str | None) -> None:
+    times = np.arange(points)
+    track = Track(times, np.zeros((points, 3)), np.full(points, residual_px), 250, seen, np.zeros(250))
+    notes = odd_rays(track)
+    assert len(notes) == (says is not None)
+    assert says is None or re.search(says, notes[0])
 
 
 def test_calibrated_frame_cameras_are_used_too_unless_that_is_not_wanted(tmp_path, capsys) -> None:

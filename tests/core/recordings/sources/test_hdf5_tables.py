@@ -47,3 +47,17 @@ def test_a_v2e_file_with_unknown_polarities_is_refused(tmp_path):
     (source,) = open_sources(path, SensorSize(320, 240))
     with pytest.raises(RecordingError, match=r"which polarity is ON cannot be told; .* got 0, 1, 2; give --polarity"):
         read_all(source)
+
+
+@pytest.mark.parametrize("place", ["{}/t_offset", "{}/events/t_offset"])
+def test_each_camera_of_one_file_has_the_clock_offset_beside_its_events(tmp_path, place):
+    path = tmp_path / "pair.h5"
+    with h5py.File(path, "w") as file:
+        file["t_offset"] = 7
+        for camera in ("left", "right"):
+            for name, column in zip("txyp", (T, X, Y, P), strict=True):
+                file[f"{camera}/events/{name}"] = column
+        file[place.format("right")] = 200_000
+    left, right = open_sources(path, SensorSize(320, 240))
+    assert read_all(left)[0].t_us.tolist() == (T + 7).tolist()
+    assert read_all(right)[0].t_us.tolist() == (T + 200_000).tolist()
