@@ -451,6 +451,7 @@ class Session:
             state.watch.framed,
             self.plane.free_aspect if state.mode == "Export" else None,
             self._playback if state.playhead.is_playback else None,  # what stands is the same however one got there
+            state.mode == "Watch",
         )
         if key != self._requested:
             self._requested = key

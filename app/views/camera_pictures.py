@@ -6,16 +6,15 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import cv2
-import numpy as np
 
 from app.pictures.canvas import Canvas, Region, Rendering, encode_png, event_picture
 from app.pictures.palette import PaletteIndex
 from app.state.client_state import RenderSettings
 from app.views.ball_inset import draw_ball_inset
-from app.views.frame_picture import frame_size, frame_title, whole_frame
+from app.views.frame_picture import NO_PICTURE, frame_size, frame_title, whole_frame
 from app.views.mosaic import Mosaic, lay_out
 from app.views.requests import window_before
 from app.views.stage_picture import draw_truth
@@ -34,9 +33,6 @@ LEAST_RADIUS_PX = 6
 """Smallest circle that is drawn, in pixels of the picture: in a small one the ball itself is hardly seen."""
 
 
-NO_PICTURE: Final = -1
-
-
 class FrameSighting(NamedTuple):
     """The newest picture of a frame camera, and what was found in it."""
 
@@ -52,13 +48,12 @@ def frame_sightings(history: RallyHistory, frames: Mapping[str, FrameStream], t_
     """The newest picture of each frame camera that was over at a time."""
     found: dict[str, FrameSighting] = {}
     for name, one in frames.items():
-        ends_us = one.ends_us
-        number = int(np.searchsorted(ends_us, t_us, side="right")) - 1
-        if number < 0:  # it has its place from the beginning: pictures that come later would move the others
+        number = one.newest(t_us)
+        if number == NO_PICTURE:  # it has its place from the beginning: pictures that come later would move the others
             found[name] = FrameSighting(NO_PICTURE, None, False)
             continue
         # The chain has looked at it in the first step that ends after its exposure.
-        step = next(iter(history.steps_between(int(ends_us[number]) - 1, t_us)), None)
+        step = next(iter(history.steps_between(int(one.ends_us[number]) - 1, t_us)), None)
         circle = None if step is None else step.circles.get(name)
         found[name] = FrameSighting(number, circle, step is not None and name in step.used)
     return found
@@ -151,12 +146,10 @@ def render_large_frame(request: LargeFrameRequest) -> Mosaic:
     image = stream.image(max(0, number))
     canvas = Canvas(Region.of_sensor(frame_size(image)))
     canvas.image[:] = PaletteIndex.BACKGROUND
-    if number == NO_PICTURE:
-        canvas.caption(f"{name}: no picture yet")
-        return lay_out([canvas], pictures.look.colours, "side by side")
     canvas.caption(frame_title(name, stream, number))
-    canvas.paint_frame(image)
-    _draw_circle(canvas, pictures, name, thickness=2)
+    if number != NO_PICTURE:
+        canvas.paint_frame(image)
+        _draw_circle(canvas, pictures, name, thickness=2)
     return lay_out([canvas], pictures.look.colours, "side by side")
 
 

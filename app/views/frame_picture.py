@@ -14,6 +14,8 @@ from core.recordings import Recording
 from core.recordings.frames import FrameStream
 from core.recordings.reader import FileRecording
 
+NO_PICTURE: Final = -1
+"""What `FrameStream.newest` says before the first picture."""
 OF_EVENT_CAMERA: Final = "{} frames"
 """Title of the pictures that have an event camera's name: `simulate --frames-hz` takes them through its lens."""
 
@@ -29,6 +31,8 @@ def titled_frames(recording: Recording) -> dict[str, FrameStream]:
 
 def frame_title(title: str, frames: FrameStream, number: int) -> str:
     """Words over a picture: of which camera, which one, and when it was taken."""
+    if number == NO_PICTURE:
+        return f"{title}: no picture yet"
     return f"{title}: picture {number}, mid exposure {int(frames.t_us[number]) / 1e3:.3f} ms"
 
 
@@ -48,4 +52,22 @@ def whole_frame(frame: NDArray[np.uint8], width_px: int = TARGET_WIDTH_PX, *, ac
     else:
         canvas = Canvas(Region.of_sensor(size), across=across, width_px=width_px)
     canvas.paint_frame(frame)
+    return canvas
+
+
+def newest_frame(title: str, frames: FrameStream, t_us: int, width_px: int, *, across: int) -> Canvas:
+    """A canvas of at most about `width_px` with the newest picture whose exposure is over, empty before the first.
+
+    Args:
+        title: of the camera, for the caption.
+        frames: its pictures.
+        t_us: the cursor.
+        width_px: of the other pictures.
+        across: pictures that stand beside each other.
+    """
+    number = frames.newest(t_us)
+    canvas = whole_frame(frames.image(max(0, number)), width_px, across=across)
+    if number == NO_PICTURE:
+        canvas.under = None
+    canvas.caption(frame_title(title, frames, number))
     return canvas

@@ -14,7 +14,7 @@ from app.state.client_state import RenderSettings, TuneView
 from app.state.swept_cells import SweptCells, TableClicks
 from app.views.answer_cache import AnswerCache
 from app.views.ball_inset import draw_ball_inset
-from app.views.frame_picture import OF_EVENT_CAMERA, frame_size, frame_title, whole_frame
+from app.views.frame_picture import OF_EVENT_CAMERA, frame_size, frame_title, newest_frame, titled_frames, whole_frame
 from app.views.mosaic import Mosaic, columns_of, columns_that_fill, lay_out, lay_out_grid
 from app.views.space_time import SpaceTime, answers_around, space_time_of
 from app.views.stage_picture import ball_ink, draw_detection, draw_stage, draw_truth, miss_px
@@ -96,6 +96,8 @@ class WatchRequest:
     them side by side."""
     playback: PlaybackAnswers | None = None
     """What the pictures of a playback go on from; None: the answers depend on the 60 ms before `t_us` alone."""
+    with_frames: bool = False
+    """Whether those of ordinary cameras stand behind all event cameras, unless corners are clicked or a guide is on."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,21 +155,24 @@ def answer_request(request: WatchRequest | TuneRequest) -> PictureAnswer:
 
 
 def render_watch(request: WatchRequest) -> Mosaic:
-    """Draw every camera's events with the detected ball."""
+    """Draw every camera's events with the detected ball, then the pictures of ordinary cameras."""
     look = request.look
     cameras = request.recording.cameras
     if request.large in cameras:
         cameras = {request.large: cameras[request.large]}
-    across = columns_of(len(cameras), look.arrangement)
+    of_events_only = request.large in cameras or request.table.active or request.swept.active
+    frames = titled_frames(request.recording) if request.with_frames and not of_events_only else {}
+    tiles = len(cameras) + len(frames)
+    across = columns_of(tiles, look.arrangement)
     if look.arrangement == "automatic" and request.aspect is not None and cameras:
         sensor = next(iter(cameras.values())).sensor
-        across = columns_that_fill(len(cameras), sensor.width_px / sensor.height_px, request.aspect)
+        across = columns_that_fill(tiles, sensor.width_px / sensor.height_px, request.aspect)
     canvases: list[Canvas] = []
     balls: list[tuple[str, int]] = []
     for name, stream in cameras.items():
         window = window_before(stream, request.t_us, look.window_us)
         # Several wide pictures side by side are shown smaller than a pixel for a pixel anyway.
-        binning = 2 if len(cameras) > 1 and stream.sensor.width_px > BINNED_WIDTH_PX else 1
+        binning = 2 if tiles > 1 and stream.sensor.width_px > BINNED_WIDTH_PX else 1
         if binning == 1:
             canvas = Canvas(Region.of_sensor(stream.sensor), across=across)
             canvas.paint_pixels(event_picture(window, look.rendering))
@@ -202,6 +207,8 @@ def render_watch(request: WatchRequest) -> Mosaic:
         draw_table_clicks(canvas, name, stream.calibration, request.table)
         canvas.caption(f"{name}: {len(window.events)} events")
         canvases.append(canvas)
+    for title, stream in frames.items():
+        canvases.append(newest_frame(title, stream, request.t_us, canvases[0].image.shape[1], across=across))
     return replace(lay_out_grid(canvases, look.colours, across), ball_cells=tuple(balls))
 
 

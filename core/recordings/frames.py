@@ -66,6 +66,10 @@ class FrameStream:
         """The number of the picture whose mid exposure is nearest to a time; there has to be one."""
         return int(np.argmin(np.abs(self.t_us - t_us)))
 
+    def newest(self, t_us: int) -> int:
+        """The number of the newest picture whose exposure is over at a time; -1 before the first."""
+        return int(np.searchsorted(self.ends_us, t_us, side="right")) - 1
+
     def image(self, number: int) -> NDArray[np.uint8]:
         """(height, width) or (height, width, 3 = RGB).
 

@@ -1,4 +1,4 @@
-"""The picture of an ordinary camera beside Tune's events: which one, what part of it, and what a click on it means."""
+"""Pictures of ordinary cameras beside events: which one, what part of it, and what a click on it means."""
 
 import io
 from collections.abc import Iterator
@@ -10,11 +10,13 @@ from PIL import Image
 
 from app.pictures.canvas import Region
 from app.state.client_state import RenderSettings, TuneView
+from app.state.swept_cells import TableClicks
 from app.views.answer_cache import AnswerCache
 from app.views.frame_picture import titled_frames, whole_frame
 from app.views.mosaic import MosaicTile
-from app.views.requests import TuneRequest, render_tune
+from app.views.requests import TuneRequest, WatchRequest, render_tune, render_watch
 from core.detection import DetectorConfig
+from core.detection.saved import SavedDetector
 from core.events import Events, SensorSize
 from core.recordings import PixelTruth, RecordingWriter, open_recording
 from core.recordings.reader import FileRecording
@@ -111,3 +113,26 @@ def test_both_configs_and_the_picture_share_the_window(recording) -> None:
 def test_a_whole_picture_is_about_as_wide_as_any_other(width: int, shown: int) -> None:
     canvas = whole_frame(np.full((90, width), GREY, np.uint8))
     assert canvas.image.shape[1] == shown and canvas.under is not None and (canvas.under == GREY).all()
+
+
+def test_all_pictures_of_watch_stand_behind_the_events_once_their_exposure_is_over(recording) -> None:
+    look = RenderSettings()
+    wanted = WatchRequest(recording, 26_999, look, SavedDetector("auto", DetectorConfig()), False, with_frames=True)
+    shown = [replace(wanted, t_us=t_us) for t_us in (3_000, 26_999, 27_000)]
+    sheets = [render_watch(one) for one in shown]
+    titles = [[text.text for text in sheet.texts if text.is_title][1:] for sheet in sheets]
+    assert titles[0] == ["left frames: no picture yet", "rgb: no picture yet"]
+    assert titles[1] == ["left frames: picture 0, mid exposure 5.000 ms", "rgb: picture 0, mid exposure 5.000 ms"]
+    assert titles[2][1] == "rgb: picture 1, mid exposure 25.000 ms"
+    (_, _, before), (_, _, after) = sheets[0].pictures, sheets[2].pictures
+    assert (pixels_of(after) == WHITE).all() and len(np.unique(pixels_of(before).reshape(-1, 3), axis=0)) == 1
+    assert not (pixels_of(before) == GREY).any(), "nothing of the first picture"
+
+
+@pytest.mark.parametrize(
+    "narrowed", [{"with_frames": False}, {"large": "left"}, {"table": TableClicks(active=True)}]
+)  # fmt: skip
+def test_they_make_room_where_event_cameras_are_looked_at_alone(recording, narrowed: dict) -> None:
+    detector = SavedDetector("auto", DetectorConfig())
+    wanted = WatchRequest(recording, 30_000, RenderSettings(), detector, show_truth=False, with_frames=True)
+    assert len(render_watch(replace(wanted, **narrowed)).pictures) == 1

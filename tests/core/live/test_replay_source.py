@@ -359,13 +359,15 @@ def test_every_block_that_the_player_cannot_follow_is_counted_once(serve_recordi
 
 
 @pytest.mark.gate
-def test_the_live_chain_sees_what_the_chain_sees_in_the_file(serve_recording):
-    with open_recording(serve_recording) as recording:
+@pytest.mark.parametrize(("name", "most_cameras"), [("serve_recording", 2), ("four_recording", 4)])
+def test_the_live_chain_sees_what_the_chain_sees_in_the_file(request, name, most_cameras):
+    path = request.getfixturevalue(name)
+    with open_recording(path) as recording:
         cameras = {name: stream.calibration for name, stream in recording.cameras.items()}
         chain = RallyChain(cameras, ChainConfig())
         offline = [chain.step(one) for one in windows_side_by_side(recording.cameras, 0, 600_000, 2000)]
     steps: list[PlayerState] = []
-    with replaying(open_recording(serve_recording), speed=20.0) as source:
+    with replaying(open_recording(path), speed=20.0) as source:
         source.listen(False)
         player = LivePlayer(source)
         player.add_step_listener(lambda session, state, decision: steps.append(state))
@@ -378,8 +380,10 @@ def test_the_live_chain_sees_what_the_chain_sees_in_the_file(serve_recording):
         player.close()
     assert len(steps) == len(offline) == 300
     assert sum(state.point is not None for state in offline) > 100
+    assert max(len(state.used) for state in offline) == most_cameras
     for live, known in zip([step.chain for step in steps], offline, strict=True):
         assert live.t_us == known.t_us and live.detections == known.detections and live.verdict == known.verdict
+        assert live.used == known.used
         assert (live.point is None) == (known.point is None)
         if live.point is not None:
             np.testing.assert_array_equal(live.point.p_world_m, known.point.p_world_m)

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.modes.watch.commands import EnlargeCamera
+from app.modes.watch.commands import EnlargeCamera, ShowSpace
 from app.server import App
 from app.session import Session
 from app.shared.library import Library
 from app.shared.workspace import Workspace
-from app.state.commands import StopAt
+from app.state.commands import SetMode, StopAt
 from benchmarks.app.bare_browser import BareBrowser
 from core.detection import Detection
 from core.events import Window
@@ -84,3 +84,15 @@ def test_after_it_an_event_camera_and_the_scene_come_back(session: Session) -> N
     eventually(lambda: title(session).startswith(FRAMES), "its picture, though it is the one that was shown before")
     session.send(EnlargeCamera(FRAMES))
     eventually(lambda: session.world.visible, "the scene")
+
+
+def test_among_all_pictures_it_stands_behind_the_event_cameras(session: Session) -> None:
+    session.send(StopAt(30_000))
+    session.send(ShowSpace(False))
+
+    def names() -> list[str]:
+        return [text.text.partition(":")[0] for text in session.sheet.texts if text.is_title]
+
+    eventually(lambda: names() == [*EVENT_CAMERAS, FRAMES], "three pictures")
+    session.send(SetMode("Export"))
+    eventually(lambda: names() == [*EVENT_CAMERAS], "the event cameras, which are exported")
