@@ -15,6 +15,7 @@ import viser
 
 from app.background.jobs import LatestWins
 from app.client_session import SessionPage
+from app.client_session.event_pictures import EventPictures
 from app.client_session.file_opening import FileOpening
 from app.client_session.lesson_card import Lessons
 from app.client_session.lesson_checks import LessonFacts, gather_facts
@@ -33,16 +34,7 @@ from app.modes.watch.commands import EnlargePicture
 from app.modes.watch.mode import WatchMode
 from app.panels.keys import idle_key_text, key_has_effect
 from app.panels.recording_info import RecordingInfo, gather_info
-from app.panels.time_bar import (
-    ContactMark,
-    Runs,
-    TimeBar,
-    Tracks,
-    moments_of,
-    opening_us,
-    same_moments,
-    tracks_of,
-)
+from app.panels.time_bar import ContactMark, Runs, TimeBar, opening_us, tracks_of
 from app.scene.space_time import SpaceTimeScene
 from app.scene.world import World
 from app.shared.live_rally import LiveRally
@@ -56,7 +48,6 @@ from app.state.swept_cells import TableClicks
 from app.views.frame_picture import titled_frames
 from app.views.image_view import ImageView
 from app.views.mosaic import Mosaic
-from app.views.requests import WatchRequest, render_watch
 from app.web.pages import Message, PageConnection, Pages
 from app.web.uploads import Purpose
 from core.detection.saved import SavedDetector
@@ -64,13 +55,10 @@ from core.errors import RallyscopeError, RecordingError
 from core.extras import missing_package
 from core.history.following import is_stereo
 from core.live.ring_recording import RingRecording
-from core.metrics.playback import PlaybackAnswers
 from core.recordings import Recording, knows_ball
 
 logger = logging.getLogger(__name__)
 NOTE_SECONDS = 8.0
-MOMENTS_EVERY_S = 1.0
-"""Interval at which new bounces and hits of a live rally are read."""
 STILLS_EVERY_S = 1.0
 """Interval of the example's pictures on a page that is rendered on the CPU, which is busy compiling."""
 SLOW_MOTION = ("Slow motion", "A bounce at 1/20 speed; live again after the return (key End: now)")
@@ -108,25 +96,21 @@ class Session:
         self._pace = FrameThrottle()
         self._page_apart_s = 0.0
         self._inbox: queue.SimpleQueue[Command | Callable[[], None]] = queue.SimpleQueue()
-        self._pictures = LatestWins(pool, render_watch, self._picture_done, self._picture_failed)
         self._openings = LatestWins(pool, self._open, self._opened, self._failed)
         self._state: ClientState | None = None
         self._recording: Recording | None = None
         self.knows_ball = False
         self._shown: tuple[ClientState, Middle, bool] | None = None
-        self._requested: object = None
-        self._playback = PlaybackAnswers()
         self._autoplay = False
         self._is_complete = False
         """Whether the page was sent a view that is complete."""
         self._is_visible = True
         """Whether the page can be seen: its tab is in front, and its window is not minimised."""
-        self._tracks = Tracks(0)
         self._live_uuid = ""
         self._source_news = SourceNotifications()
-        self._moments_s = float("-inf")
         self.page = SessionPage(visit, pages, services.browsers, pool, self)
         self.plane = ImageView(client, self._clicked)
+        self._pictures = EventPictures(pool, self.plane, self.later, self._failed, self._shows_events)
         self.world = World(client, lambda: self.plane.aspect)
         self.space = SpaceTimeScene(client)
         self._preparation = preparation
@@ -225,7 +209,7 @@ class Session:
     def _lesson_facts(self) -> LessonFacts:
         assert self._state is not None
         now_us = self._state.playhead.position_us(time.monotonic())
-        return gather_facts(self._state, now_us, self._tracks.moments, self._modes)
+        return gather_facts(self._state, now_us, self._bar.tracks.moments, self._modes)
 
     def play_when_open(self) -> None:
         """Play the next recording that is opened at once."""
@@ -296,9 +280,9 @@ class Session:
         self.space.set_visible(middle == "space")
         self.space.stand(self.plane.aspect, self.plane.panel_share)
         if middle == "events":
-            self._request_picture(self._state, self._recording, now_us, wall_s)
+            self._pictures.ask(self._state, self._recording, now_us, wall_s)
         elif middle == "sheet":
-            self._requested = None  # a mode's own pictures replace what was shown
+            self._pictures.forget()  # a mode's own pictures replace what was shown
         mode.tick(self._state, now_us, wall_s)
         self.plane.show_staleness(wall_s, moving=self._state.playhead.playing)
         self.world.billboard_wxyz()
@@ -350,15 +334,12 @@ class Session:
         head = self._state.playhead.grown(recording.start_us, recording.duration_us)
         self._state = replace(self._state, playhead=head)
         self.knows_ball = self.knows_ball or knows_ball(recording)
-        if wall_s - self._moments_s >= MOMENTS_EVERY_S:
-            self._moments_s, moments = wall_s, moments_of(recording)
-            if not same_moments(moments, self._tracks.moments):
-                self.tracks = replace(self._tracks, moments=moments)
+        self._bar.grow(recording, wall_s)
 
     def _choose_mode(self, state: ClientState) -> Mode:
         """The chosen mode; the previous one is hidden."""
         if state.mode != self._active:
-            self._requested = None
+            self._pictures.forget()
             self.plane.freshness.forget()
             for name in (self._active, state.mode):
                 if name is not None:
@@ -366,6 +347,9 @@ class Session:
                         self._modes[name].show(name == state.mode)
             self._active = state.mode
         return self._modes[state.mode]
+
+    def _shows_events(self) -> bool:
+        return self._state is not None and self._modes[self._state.mode].middle == "events"
 
     @property
     def state(self) -> ClientState | None:
@@ -387,23 +371,13 @@ class Session:
         """The shown mosaic."""
         return self.plane.sheet
 
-    @property
-    def tracks(self) -> Tracks:
-        """The lines of the time line."""
-        return self._tracks
-
-    @tracks.setter
-    def tracks(self, tracks: Tracks) -> None:
-        self._tracks = tracks
-        self._bar.show_tracks(tracks)
-
     def show_runs(self, name: str, runs: Runs) -> None:
         """Show a line of this name in the time bar until another recording is opened."""
-        self.tracks = replace(self._tracks, runs={**self._tracks.runs, name: runs})
+        self._bar.show_runs(name, runs)
 
     def show_contacts(self, contacts: tuple[ContactMark, ...]) -> None:
         """Show these bounces, hits and net touches in the time bar until another recording is opened."""
-        self.tracks = replace(self._tracks, contacts=contacts)
+        self._bar.show_contacts(contacts)
 
     @property
     def needs_tick(self) -> bool:
@@ -435,41 +409,6 @@ class Session:
         self._openings.close()
         for mode in self._modes.values():
             mode.close()
-
-    # Pictures -----------------------------------------------------------------------------------------------------
-
-    def _request_picture(self, state: ClientState, recording: Recording, now_us: int, wall_s: float) -> None:
-        detector, show_truth = state.detector, state.tune.show_truth
-        key = (
-            recording.uuid,
-            now_us,
-            state.look,
-            detector,
-            show_truth,
-            state.watch.large,
-            state.watch.table,
-            state.watch.framed,
-            self.plane.free_aspect if state.mode == "Export" else None,
-            self._playback if state.playhead.is_playback else None,  # what stands is the same however one got there
-            state.mode == "Watch",
-        )
-        if key != self._requested:
-            self._requested = key
-            request = WatchRequest(recording, *key[1:])
-            self.plane.freshness.ask(request, wall_s)
-            self._pictures.submit(request)
-
-    def _picture_done(self, request: WatchRequest, sheet: Mosaic) -> None:
-        self._enqueue(lambda: self._show_picture(request, sheet))
-
-    def _picture_failed(self, error: Exception) -> None:
-        self._enqueue(self.plane.freshness.failed)
-        self._failed(error)
-
-    def _show_picture(self, request: WatchRequest, sheet: Mosaic) -> None:
-        assert self._state is not None
-        if self._modes[self._state.mode].middle == "events":  # else the mode changed meanwhile
-            self.plane.show(sheet, request)
 
     # Recordings ---------------------------------------------------------------------------------------------------
 
@@ -513,7 +452,7 @@ class Session:
             )
         if info is not None:
             self._interface.show_info(info)
-        self.tracks = tracks_of(recording, info)
+        self._bar.show_tracks(tracks_of(recording, info))
         for mode in self._modes.values():
             mode.use_recording(recording)
         rally = self.services.rallies.of(recording, self._state.watch.prediction)

@@ -1,4 +1,4 @@
-"""A browser's session: the link in its address, its stored settings, files it opens, and the tour."""
+"""A browser's session: the link in its address, its stored settings, files it opens, event pictures, and the tour."""
 
 from app.client_session.session_page import SessionPage
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final, Protocol
 
 import numpy as np
@@ -33,6 +33,8 @@ MOST: Final = 2_000
 """Most moments or intervals of one kind that are sent: about one per pixel of the bar."""
 AFTER_FIRST_US: Final = 20_000
 """Time after which the first ball is wholly in the picture."""
+MOMENTS_EVERY_S: Final = 1.0
+"""Interval at which new bounces and hits of a live rally are read."""
 Times = NDArray[np.int64]
 
 
@@ -249,6 +251,9 @@ class TimeBar:
         """At once: a key that the person pressed after it is in the queue already."""
         self._shown: Message = {}
         self._shown_s = 0.0
+        self.tracks = Tracks(0)
+        """The lines that are drawn."""
+        self._moments_s = float("-inf")
         page.listen("bar", self._asked)
 
     def show(self, state: ClientState, now_us: int, wall_s: float, *, visible: bool, keys: bool) -> None:
@@ -261,8 +266,25 @@ class TimeBar:
             self._page.send("bar", message)
 
     def show_tracks(self, tracks: Tracks) -> None:
-        """Draw these lines."""
+        """Draw these lines, in the place of all others."""
+        self.tracks = tracks
         self._page.send("tracks", tracks_message(tracks))
+
+    def show_runs(self, name: str, runs: Runs) -> None:
+        """Draw a line of this name, too, or in the place of that one."""
+        self.show_tracks(replace(self.tracks, runs={**self.tracks.runs, name: runs}))
+
+    def show_contacts(self, contacts: tuple[ContactMark, ...]) -> None:
+        """Draw these contacts, in the place of the others."""
+        self.show_tracks(replace(self.tracks, contacts=contacts))
+
+    def grow(self, recording: Recording, wall_s: float) -> None:
+        """Draw the bounces and hits that a live rally has had since they were last read."""
+        if wall_s - self._moments_s < MOMENTS_EVERY_S:
+            return
+        self._moments_s, moments = wall_s, moments_of(recording)
+        if not same_moments(moments, self.tracks.moments):
+            self.show_tracks(replace(self.tracks, moments=moments))
 
     def _asked(self, message: Message) -> None:
         if (command := command_of(message)) is not None:

@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 HIGHEST_M: Final = 0.5
 """Height of the volume above the table: as high as most balls fly."""
 FEWEST_PLACES: Final = 20
+"""Fewest places over the table, of 385, that both cameras of a pair have to see. Chosen by hand; not measured."""
 OTHERS_FIT: Final = (0.5, 0.25)
 """A camera is named if the pairs without it fit, and have drifted by less than such a share of the worst (choice).
 The second share decides where the first leaves several: a turn along a pair's epipolar lines is hardly seen by it."""

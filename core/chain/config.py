@@ -29,6 +29,9 @@ from core.trajectory.learned_constants import LearnedConstants
 
 TABLE_FRICTION: Final = 0.15
 """Friction of the simulated table (choice), and what a chain expects of one."""
+WINDOW_US: Final = 2000
+"""Length of the windows in which the chain follows recordings and live sources: `WindowConfig` says why. A block of a
+live source is a whole number of them."""
 
 
 def chain_predictor() -> PaperPredictorConfig:

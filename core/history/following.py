@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from core.cameras import Camera
 from core.chain.calibration_drift import CalibrationDrift
 from core.chain.chain import RallyChain
-from core.chain.config import ChainConfig, PredictionName, with_prediction
+from core.chain.config import WINDOW_US, ChainConfig, PredictionName, with_prediction
 from core.chain.control.controller import BuiltInController
 from core.chain.control.player import Player
 from core.chain.follow import calibrated_cameras, calibrated_rig, frame_cameras, windows_with_frames
@@ -33,6 +33,7 @@ logger = logging.getLogger(__name__)
 
 
 AT_SPOT_M: Final = 0.05
+"""A true ball this near to its landing spot has landed there. Chosen by hand; not measured."""
 NEVER_US: Final = 2**62
 KNOWN_CASES: Final = frozenset(int(case) for case in Case)
 """Outcomes that are known; a row with another value is skipped."""
@@ -73,9 +74,6 @@ def _known_us(ball: BallTruth | None, serve_us: int, until_us: int, landing: NDA
         t_us, away_m = ball.t_us[rows], np.linalg.norm(ball.p_world_m[rows] - landing, axis=1)
     nearest = int(np.argmin(np.nan_to_num(away_m, nan=np.inf)))
     return int(t_us[nearest] if away_m[nearest] < AT_SPOT_M else t_us[-1])
-
-
-WINDOW_US = 2_000
 
 
 def is_stereo(recording: Recording) -> bool:

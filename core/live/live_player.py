@@ -16,7 +16,7 @@ from typing import Final
 
 from core.cameras import Camera
 from core.chain.chain import RallyChain
-from core.chain.config import ChainConfig, HitRule, chain_for_physics, expected_physics
+from core.chain.config import WINDOW_US, ChainConfig, HitRule, chain_for_physics, expected_physics
 from core.chain.control.controller import BuiltInController, LiveController, RacketDecision
 from core.chain.control.player import Player, PlayerState
 from core.chain.control.step_test import CommandLatency
@@ -42,7 +42,7 @@ class LivePlayerConfig:
     """Settings of the live player."""
 
     chain: ChainConfig = field(default_factory=ChainConfig)
-    window_us: int = setting(2000, 200, 10_000)
+    window_us: int = setting(WINDOW_US, 200, 10_000)
     """Length of a window of events, a whole part of a block."""
     hit: HitRule = "chosen"
     """Where the ball is met: `chosen` along its flight, or always at the `paper`'s plane. Before a robot that states no

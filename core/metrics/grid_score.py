@@ -22,6 +22,7 @@ GRID_US: Final = 1000
 SETTLING_US: Final = 10_000
 """Time that a detector gets when a ball appears or comes out of an occlusion."""
 SLOW_PX_PER_MS: Final = 2.0
+"""Slower balls are scored apart. Chosen by hand; not measured."""
 LAG_FROM_PX_PER_MS: Final = 0.5
 """Slowest ball that tells a lag: half a pixel off is a millisecond there."""
 

@@ -87,7 +87,10 @@ RISE_M: Final = 0.03
 """Distance along x after which a ball counts as coming back (choice: many times the noise, 10 ms of a slow return)."""
 RISING_POINTS: Final = 5
 PAST_POINTS: Final = 3
+"""Newest points that have to agree that a ball comes back, or is past the racket: a stray must not decide. Chosen by
+hand; not measured."""
 NEAR_PLANE_M: Final = 0.05
+"""A ball that is this near to where it is to be hit may have met the racket. Chosen by hand; not measured."""
 SHORT_M: Final = 0.08
 """Distance by which a ball falls short of its undisturbed flight after a turn (choice)."""
 LOOK_BACK_S: Final = 0.25
@@ -175,6 +178,7 @@ def _robust_line(t_s: Array, x_m: Array) -> tuple[float, float]:
 SPAN_S: Final = 0.060
 """Duration of the first points used (choice): before the bounce, and long enough for an error of some cm/s."""
 FEWEST: Final = 5
+"""Points from which a serve is told. Chosen by hand; not measured."""
 SLOWEST_MPS: Final = 1.0
 """Slowest speed of a serve towards the robot (choice)."""
 

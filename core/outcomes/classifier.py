@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 AGAIN_US: Final = 20_000
 """Shortest time between two classifications of a ball."""
 SERVE_POINTS: Final = 6
+"""Points of a new flight by which a serve is told. Chosen by hand; not measured."""
 SERVE_MPS: Final = 1.5
 """A new flight whose first points come so fast towards the robot is the next serve (choice: no rebound does)."""
 SEEN_PAST: Final = 0.99

@@ -133,6 +133,7 @@ def _leave(s: Array, what: int) -> None:
 
 
 ROUNDS: Final = 8
+"""Gauss-Newton steps of a fit at the most. Chosen by hand; not measured."""
 STRAY: Final = 16.0
 """Squared normalised distance in three dimensions beyond which a point is down-weighted."""
 WIDE_M, WIDE_MPS = 5.0, 20.0

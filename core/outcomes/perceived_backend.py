@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.chain.chain import ChainState, RallyChain
-from core.chain.config import ChainConfig
+from core.chain.config import WINDOW_US, ChainConfig
 from core.detection.window import block_windows
 from core.errors import ConfigError
 from core.events import Events
@@ -32,7 +32,6 @@ from core.trajectory import HitPlane
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
 
-WINDOW_US: Final = 2000
 LONGEST_US: Final = 5_000_000
 """Longest duration of a ball."""
 SILENT_US: Final = 1_500_000

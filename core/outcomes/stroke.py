@@ -31,6 +31,8 @@ Array = NDArray[np.float64]
 
 RESTITUTION_SIGMA: Final = 0.04
 FRICTION_SIGMA: Final = 0.06
+"""Spread of the table's restitution and friction over the sampled flights. Chosen by hand; not measured: wider than the
+0.009 and 0.010 to which `core.table` knows those of real balls."""
 NET_SHARES: Final = (0.0, 0.4)
 """Share of the speed across the net that it gives back (choice)."""
 ODD: Final = 2e-3

@@ -74,6 +74,7 @@ SHARED_SCALES: Final = np.array([0.1, 0.05, 0.05])
 LOWEST, HIGHEST = np.array([0.0, 0.5, 0.0]), np.array([1.0, 1.0, 1.0])
 """Bounds of drag coefficient, restitution and friction."""
 MAX_EVALUATIONS: Final = 60
+"""Evaluations after which a fit ends where it is. Chosen by hand; not measured."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 SPEEDS_MPS: Final = (0.2, 60.0)
 """Greatest speed of a ball in play, noise included: the fastest strokes have 35 m/s."""
 LIKELY_MPS: Final = (1.0, 40.0)
+"""Median speed of a flight, by which its units are guessed. Chosen by hand; not measured."""
 FALLS_MPS2: Final = (3.0, 30.0)
 """Gravity is 9.8; spin and drag of a fast ball add or take up to twice that."""
 WIDEST_M: Final = 12.0
@@ -20,7 +21,9 @@ WIDEST_M: Final = 12.0
 FEWEST: Final = 5
 """Points from which a motion is measured, and rows of which one may be odd."""
 FEWEST_FOR_FALL: Final = 8
+"""Points from which gravity is measured. Chosen by hand; not measured."""
 NEIGHBOURS: Final = 3
+"""Points before and after one from which it has to be reachable. Chosen by hand; not measured."""
 JITTER_M: Final = 0.5
 """Error of a point that is not taken for an outlier, as far as speed goes."""
 ODD_SHARE: Final = 0.1

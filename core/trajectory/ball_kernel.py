@@ -33,7 +33,9 @@ STEP_S: Final = 0.040
 SLOWEST_MPS: Final = 0.05
 """A ball that comes down more slowly does not bounce any more (avoids endless bounces)."""
 LONGEST_S: Final = 2.0
+"""Flights are followed for so long. Chosen by hand; not measured."""
 BOUNCES: Final = 2
+"""Bounces that are followed, and written by `touches`: at the second one the rally is over."""
 TOUCHES: Final = 22
 """What `touches` writes: two bounces and the landing as (t, x, y, z), the hitting plane as (t, p, v, spin)."""
 

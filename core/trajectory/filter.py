@@ -133,6 +133,8 @@ def mix(parts: Sequence[Foreseen]) -> tuple[Array, Array, Paths | MixedPaths]:
 STRAYS: Final = 5
 """Consecutive outliers that begin a new flight."""
 SLOWEST_MPS: Final = 1.0
+"""A slower ball counts as this fast where an error of place becomes one of time, which had no bound else. Chosen by
+hand; not measured."""
 IMPOSSIBLE: Final = math.log(1e-6)
 """A kind of flight with smaller odds against another is dropped."""
 MIN_SHARE: Final = 0.02

@@ -22,7 +22,8 @@ Array = NDArray[np.float64]
 NAMES: Final = ("drag", "restitution", "friction")
 """Names in the order of the filter's state, from `DRAG` on."""
 LOWEST, HIGHEST = np.array([0.0, 0.5, 0.0]), np.array([1.0, 1.0, 1.0])
-MIN_SIGMA: Final = 1e-6
+NO_DRAG: Final = 1e-3
+"""A filter with a smaller drag coefficient flew `without_air`, and says nothing of the drag: real balls have 0.55."""
 FEWEST_POINTS: Final = 20
 """A flight of fewer points is not used (choice)."""
 CHANGE: Final = 0.01
@@ -66,7 +67,7 @@ class LearnedConstants:
         """The constants after a flight, weighted by the probability of its filter among the flight's filters."""
         if ball.points - ball.strays < FEWEST_POINTS:  # without outliers: most flights end with some, from the hit
             return self
-        first = 0 if ball.state[DRAG] > MIN_SIGMA * 1e3 else 1
+        first = 0 if ball.state[DRAG] > NO_DRAG else 1
         rows = slice(DRAG + first, DRAG + 3)
         means, variances = self.means.copy(), self.variances.copy()
         prior = variances[first:] + self.scatter[first:] ** 2

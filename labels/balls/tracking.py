@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
 
 import numpy as np
 
 from core.chain.chain import ChainState, RallyChain
-from core.chain.config import ChainConfig
+from core.chain.config import WINDOW_US, ChainConfig
 from core.chain.follow import REPORT_EVERY, calibrated_cameras
 from core.detection.window import windows_side_by_side
 from core.history.rally_history import FLIGHT_GAP_US, trail_velocities_mps
@@ -16,8 +15,6 @@ from core.recordings import Recording
 from labels.assist.contact_proposals import propose_contacts
 from labels.assist.propose import Proposals
 from labels.balls.rows import TRACKED, BallRow, FlownPath, rows_of_path
-
-WINDOW_US: Final = 2_000
 
 
 def rows_of_track(

@@ -112,10 +112,6 @@ def _shown(key: str, modifier: Modifier | None) -> str:
     return f"{modifier.title()} {key}" if modifier else key
 
 
-JUDGE_CONTACTS: Final = (*map(str, ContactKind), "accept_contact", "remove_contact")
-"""Acts on the contact at the cursor: they wait for its picture, else a quick step and key would do nothing."""
-
-
 class HeldKeys:
     """The keys that one browser holds down. Methods are called by the loop.
 
@@ -216,3 +212,13 @@ ACTS: Final[Mapping[str, EditorAct]] = {
     **{f"zoom_{row}": _view(zoom=zoom) for row, zoom in enumerate(ZOOMS)},
 }
 """What an act does to the labels, by the name that `KEYS` or a button gives it."""
+
+Judged = Literal["picture", "proposals"]
+JUDGES: Final[Mapping[str, Judged]] = {
+    **dict.fromkeys((*map(str, ContactKind), "accept_contact", "remove_contact"), "picture"),
+    **dict.fromkeys(("accept_segment", "accept_flight"), "proposals"),
+}
+"""What an act judges at the cursor and waits for, by name; else a quick step and key would do nothing.
+
+The picture, or the proposals round the cursor and their picture. All others act at once, or on what is shown by then.
+"""

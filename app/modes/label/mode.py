@@ -16,7 +16,7 @@ from app.modes.label.contacts_panel import ContactsPanel
 from app.modes.label.editor import EditorAct, LabelCallbacks, LabelEditor, Note
 from app.modes.label.import_panel import LabelImports
 from app.modes.label.kept_view import KeptView
-from app.modes.label.keys import ACTS, JUDGE_CONTACTS, HeldKeys, idle_key_text
+from app.modes.label.keys import ACTS, JUDGES, HeldKeys, idle_key_text
 from app.modes.label.labelling import DEFAULT_STEP_US, LABEL_STEPS_US, Labelling, LabelView, Point, begin_labelling
 from app.modes.label.merge_panel import MergePanel
 from app.modes.label.panel import LabelPanel, PanelActions
@@ -286,15 +286,17 @@ class LabelMode:
 
     def _waits(self, name: str) -> bool:
         """Whether what this act judges is still to come."""
+        if self._editor is None or self._suggestions is None:
+            return False
         if self.middle != "sheet":  # in space and time no picture comes on which it could be judged
             return False
-        if name in JUDGE_CONTACTS:
-            return self._editor is not None and not self._editor.labelling.on_screen
-        return (
-            name in ("accept_segment", "accept_flight")
-            and self._suggestions is not None
-            and not self._suggestions.segment_due
-        )
+        match JUDGES.get(name):
+            case "picture":
+                return not self._editor.labelling.on_screen
+            case "proposals":
+                return not self._suggestions.segment_due
+            case None:
+                return False
 
     def _place(self) -> object:
         editor = self._editor

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 TILT, TURN, SPEED = range(3)
 """Rows of the unknowns: angle about y (a positive one looks down), about z (to the left), racket speed along +x."""
 ROUNDS: Final = 30
+"""Most rounds of the solver. Chosen by hand; not measured."""
 DONE_M: Final = 1e-4
 """A round that moves the wanted quantities by less is the last one."""
 HEIGHT_WEIGHT: Final = 0.3
@@ -35,9 +36,10 @@ GRID: Final = (9, 3, 10)
 NET_TOP_M: Final = NET_HEIGHT_M + BALL_RADIUS_M
 """A ball's centre that passes higher does not touch the net."""
 NEAR_M: Final = 0.02
+"""A stroke does what is wanted if the ball lands this near to the target. Chosen by hand; not measured."""
 MIN_CLEARANCE_M: Final = 0.03
 EDGE_M: Final = 0.08
-"""A stroke is safe if the ball passes the net and lands inside the table by this much."""
+"""A stroke is safe if the ball passes the net and lands inside the table by this much. Chosen by hand; not measured."""
 LONGEST_HOP_STEPS: Final = 250
 """Flights back to the bounce end after one second."""
 LONGEST: Final = (0.2, 0.2, 2.0)

@@ -427,6 +427,7 @@ LEFT_US: Final = 75
 """Standard deviation of the delays about that line. Within a flight the stretch changes with the light on the ball, so
 this is for the median of whole flights."""
 FEWEST: Final = 200
+"""Answers with a moving ball from which a delay is estimated. Chosen by hand; not measured."""
 MIN_PX_PER_MS: Final = 1.0
 """Slowest ball that is used."""
 

@@ -26,6 +26,7 @@ DOUBTFUL_PX: Final = 0.3
 """Residual from which something slow is doubted: balls have 0.15 to 0.25 px, parts of players that were followed for a
 while had 0.32 to 0.43."""
 SHARPEST_CURVE_PX: Final = 60.0
+"""Smallest radius of a curve that a ball is followed on. Chosen by hand; not measured."""
 FALL_PX_PER_MS2: Final = 0.006
 """Gravity in the picture of a near camera, px/ms^2."""
 MIN_BEND_MS: Final = 2.0

@@ -86,7 +86,9 @@ def a_page_that_the_processor_draws_is_spared_while_the_rally_runs(live_window) 
 def the_time_line_goes_on_with_the_bounces_and_hits_of_the_live_rally(live_window) -> None:
     opened_us = live_window.state.playhead.duration_us
     for kind in ("bounce", "hit"):
-        eventually(lambda kind=kind: (live_window.session.tracks.moments[kind] > opened_us).any(), f"a later {kind}")
+        eventually(
+            lambda kind=kind: (live_window.session._bar.tracks.moments[kind] > opened_us).any(), f"a later {kind}"
+        )
 
 
 def a_page_that_the_processor_draws_is_told_how_the_rally_goes_on_when_a_frame_is_due(live_window, monkeypatch) -> None:

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,9 @@ import pytest
 from app.panels.time_bar import (
     FAR_US,
     MOST,
+    ContactMark,
     Runs,
+    TimeBar,
     Tracks,
     bar_message,
     command_of,
@@ -27,6 +30,31 @@ from core.metrics import WindowVerdicts
 def state(**playhead) -> ClientState:
     configs = Configs(DetectorConfig(), DetectorConfig())
     return ClientState("demo", ("left",), "left", Playhead(2_000_000, **playhead), History(configs))
+
+
+def test_a_line_is_added_to_those_that_are_there_and_moments_grow_once_a_second(monkeypatch) -> None:
+    sent, moments = [], {"bounce": np.array([5])}
+    page = SimpleNamespace(listen=lambda kind, listener: None, send=lambda kind, values: sent.append(values))
+    monkeypatch.setattr("app.panels.time_bar.moments_of", lambda recording: dict(moments))
+    bar, runs, mark = (
+        TimeBar(page, lambda command: None),
+        Runs(*np.zeros((2, 0), int), ()),
+        ContactMark(7, 1, "hit", False),
+    )
+    bar.show_tracks(Tracks(100))
+    bar.show_runs("labels", runs)
+    bar.show_runs("detector", runs)
+    bar.show_contacts((mark,))
+    bar.grow(None, 10.0)
+    assert (bar.tracks.duration_us, set(bar.tracks.runs), bar.tracks.contacts) == (100, {"labels", "detector"}, (mark,))
+    assert len(sent) == 5 and bar.tracks.moments == moments
+    bar.grow(None, 11.0)
+    assert len(sent) == 5, "there is nothing new"
+    moments["bounce"] = np.array([5, 9])
+    bar.grow(None, 11.5)
+    assert len(sent) == 5, "it is too early to read them again"
+    bar.grow(None, 12.0)
+    assert len(sent) == 6 and bar.tracks.moments["bounce"].tolist() == [5, 9]
 
 
 @pytest.mark.parametrize(

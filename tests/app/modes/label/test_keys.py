@@ -9,7 +9,7 @@ import pytest
 
 from app.modes.label import suggestions
 from app.modes.label.editor import LabelEditor
-from app.modes.label.keys import KEYS, HeldKeys, label_keys_html
+from app.modes.label.keys import JUDGES, KEYS, HeldKeys, label_keys_html
 from app.modes.label.labelling import DEFAULT_STEP_US, Labelling
 from app.modes.label.mode import LabelMode
 from app.panels.keys import KEYS as OTHER_KEYS
@@ -28,6 +28,10 @@ def test_no_key_is_taken_twice_moves_the_camera_or_chooses_a_mode() -> None:
     plain = {key for key, _ in taken}
     assert not plain & set("WASDQE") and not any(key.startswith("arrow") for key in plain) and "tab" not in plain
     assert not {key for key, modifier in taken if modifier is None} & set("MTO")
+
+
+def test_what_waits_for_what_it_judges_is_the_act_of_a_key() -> None:
+    assert JUDGES.keys() <= {name for _, _, name, _ in KEYS}
 
 
 def test_every_key_is_listed_for_the_person() -> None:
