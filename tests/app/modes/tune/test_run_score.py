@@ -9,6 +9,7 @@ from app.modes.tune.run_score import run_score_row, run_scores_html, score_run
 from app.state.config_words import config_words
 from core.config import replace_setting
 from core.detection.methods import method_config
+from core.detection.window import WHOLE, EarlyEnds
 from core.metrics import known_truth
 from core.metrics.streaming import asked_times
 from core.recordings import open_recording
@@ -53,6 +54,35 @@ def test_score_and_compare_count_alike_and_name_the_same_config(serve_recording:
         assert "Judged against the simulation's truth, as in Compare over time." in run_scores_html([row])
         table = comparison_html(answer)
         assert "B: localise.radius_max_px 8.5" in table and f"{compared.judged.recall:.3f}" in table
+
+
+def test_windows_that_end_early_are_scored_and_compared_alike_and_named(serve_recording: Path, tmp_path: Path) -> None:
+    ends = EarlyEnds(motion_px=3.0)
+    with open_recording(serve_recording) as recording:
+        stream = recording.cameras["left"]
+        config = method_config("auto")
+        quiet = {"progress": lambda share: None, "cancelled": lambda: False}
+        usual, early = (
+            score_run(stream, known_truth(stream), "auto", config, ends=one, **quiet) for one in (WHOLE, ends)
+        )
+        assert len(early.timed.answers.end_us) > len(usual.timed.answers.end_us)
+        request = CompareRequest(
+            recording="serve",
+            uuid="u",
+            stream=stream,
+            configs=(("auto", config),),
+            slot="A",
+            agree_with=None,
+            labels=tmp_path,
+            start_us=0,
+            end_us=10_000_000,
+            live=False,
+            ends=ends,
+        )
+        answer = run_comparison(request, **quiet)
+    (compared,) = answer.methods
+    assert compared.judged.recall == early.judged.recall and compared.judged.precision == early.judged.precision
+    assert answer.title.endswith(", windows end after 3 px of motion")
 
 
 @pytest.mark.parametrize("method", ["auto", "refined", "ebpp"])
