@@ -1,18 +1,37 @@
 """The score of a config over a recording."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from app.modes.tune.compare_run import CompareRequest, comparison_html, run_comparison
 from app.modes.tune.run_score import run_score_row, run_scores_html, score_run
+from app.state.client_state import Slot
 from app.state.config_words import config_words
 from core.config import replace_setting
+from core.detection import DetectorConfig
 from core.detection.methods import method_config
 from core.detection.window import WHOLE, EarlyEnds
 from core.metrics import known_truth
 from core.metrics.streaming import asked_times
-from core.recordings import open_recording
+from core.recordings import CameraStream, open_recording
+
+
+def request_of(stream: CameraStream, labels: Path, config: DetectorConfig, slot: Slot) -> CompareRequest:
+    """Compares `auto` over the whole recording with the truth."""
+    return CompareRequest(
+        recording="serve",
+        uuid="u",
+        stream=stream,
+        configs=(("auto", config),),
+        slot=slot,
+        agree_with=None,
+        labels=labels,
+        start_us=0,
+        end_us=10_000_000,
+        live=False,
+    )
 
 
 def test_score_and_compare_count_alike_and_name_the_same_config(serve_recording: Path, tmp_path: Path) -> None:
@@ -22,18 +41,7 @@ def test_score_and_compare_count_alike_and_name_the_same_config(serve_recording:
         score = score_run(
             stream, known_truth(stream), "auto", config, progress=lambda share: None, cancelled=lambda: False
         )
-        request = CompareRequest(
-            recording="serve",
-            uuid="u",
-            stream=stream,
-            configs=(("auto", config),),
-            slot="B",
-            agree_with=None,
-            labels=tmp_path,
-            start_us=0,
-            end_us=10_000_000,
-            live=False,
-        )
+        request = request_of(stream, tmp_path, config, "B")
         answer = run_comparison(request, progress=lambda share: None, cancelled=lambda: False)
         (compared,) = answer.methods
         assert 0.05 < compared.judged.recall < 0.95, "some balls are larger than the config allows"
@@ -66,19 +74,7 @@ def test_windows_that_end_early_are_scored_and_compared_alike_and_named(serve_re
             score_run(stream, known_truth(stream), "auto", config, ends=one, **quiet) for one in (WHOLE, ends)
         )
         assert len(early.timed.answers.end_us) > len(usual.timed.answers.end_us)
-        request = CompareRequest(
-            recording="serve",
-            uuid="u",
-            stream=stream,
-            configs=(("auto", config),),
-            slot="A",
-            agree_with=None,
-            labels=tmp_path,
-            start_us=0,
-            end_us=10_000_000,
-            live=False,
-            ends=ends,
-        )
+        request = replace(request_of(stream, tmp_path, config, "A"), ends=ends)
         answer = run_comparison(request, **quiet)
     (compared,) = answer.methods
     assert compared.judged.recall == early.judged.recall and compared.judged.precision == early.judged.precision
