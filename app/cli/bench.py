@@ -31,6 +31,7 @@ BENCHES = {
     "rig": "calibration.bench_rig",
     "prediction": "prediction.bench_prediction",
     "rally": "rally.bench_rally",
+    "first-balls": "rally.bench_first_balls",
     "outcomes": "rally.bench_outcomes",
     "robustness": "robustness.bench_robustness",
     "paper-perception": "perception.bench_paper_perception",
@@ -75,17 +76,26 @@ class BenchArguments:
         "which chain plays (rally)", "filter|fit|paper|auto|points|known", "the first three"
     )
     balls: PositiveInt | None = flag(
-        "of each chain and speed (rally), through cameras (outcomes), of each row (robustness)", "N", "20, 40, 100"
+        "of each chain and speed (rally), of each speed (first-balls), through cameras (outcomes), "
+        "of each row (robustness)",
+        "N",
+        "20, 20, 40, 100",
     )
-    speeds: Numbers | None = flag("of the serves (rally)", "MPS,MPS...", "3 to 9")
-    physics: Literal["paper", "real"] | None = flag("of the balls (rally, outcomes)", "paper|real", "paper; both")
+    speeds: Numbers | None = flag("of the serves (rally, first-balls)", "MPS,MPS...", "3 to 9; 6 to 9")
+    physics: Literal["paper", "real"] | None = flag(
+        "of the balls (rally, first-balls, outcomes)", "paper|real", "paper; both"
+    )
     hit: Literal["chosen", "paper"] | None = flag("where balls are met (rally)", "chosen|paper", "paper")
     unknown: bool = flag("chain and controller learn air and table instead of being told (rally)")
     elevation_spread: PositiveFloat | None = flag(
-        "serves up to so much flatter and steeper than the standard ones, 10 at most (rally)", "DEG", "0"
+        "serves up to so much flatter and steeper than the standard ones, 10 at most (rally, first-balls)",
+        "DEG",
+        "0; 8",
     )
     seed: int | None = flag(
-        "of the serves (rally), the first one of a part (cameras with --only)", "N", "2026; each part's own"
+        "of the serves (rally), the first one (first-balls; of a part: cameras with --only)",
+        "N",
+        "2026, 462200; each part's own",
     )
     latency: bool = flag("and where the time of live commands goes, without and with a browser (rally)")
     soak: PositiveFloat | None = flag("under load for so long (app)", "MINUTES")

@@ -140,7 +140,7 @@ def _explain_picture(recording: FileRecording, arguments: DetectArguments, t_us:
 
 def _find_in_events(arguments: DetectArguments) -> DetectInEvents:
     method, config, window_us = arguments.detector.settings()
-    rule = arguments.windows.rule(window_us)
+    rule = arguments.windows.ends.within(window_us)
     return DetectInEvents(arguments.camera, method, config, rule, arguments.in_time.added_us())
 
 

@@ -20,6 +20,7 @@ from app.cli.labels_layer import read_layers
 from app.cli.progress import progress_bar
 from app.cli.streaming import StreamingArguments
 from app.cli.terminal import format_table, json_ready, say
+from app.cli.window_arguments import WindowArguments
 from app.formatting import share_text
 from core.detection.saved import SavedDetector, save_detector
 from core.errors import CommandError, ConfigError
@@ -58,6 +59,7 @@ class TuneArguments:
     parameters: Names | None = flag(
         "thresholds to search for, such as cluster.eps_px, or sections, such as cluster", "A,B...", "the usual ones"
     )
+    windows: WindowArguments
     in_time: StreamingArguments
     trials: PositiveInt = setting_flag(TuningConfig, "trials", "N")
     seed: int = setting_flag(TuningConfig, "seed", "N")
@@ -102,6 +104,8 @@ def run(arguments: TuneArguments) -> None:
         "method": method,
         "against": arguments.against,
         "added_us": arguments.in_time.added_us(),
+        "window_events": arguments.windows.window_events,
+        "window_px": arguments.windows.window_px,
         "seed": arguments.seed,
         "asked": arguments.trials,
         "out": str(arguments.out),
@@ -127,7 +131,11 @@ def _objective(
     if arguments.against == "truth":
         if arguments.annotator is not None:
             raise CommandError("goes with --against labels", where="--annotator")
-        return truth_objective(arguments.recording, recording, cameras, method, start, config, added_us=added_us)
+        ends = arguments.windows.ends
+        return truth_objective(
+            arguments.recording, recording, cameras, method, start, config, added_us=added_us, ends=ends
+        )
+    arguments.windows.refuse("labels are asked for whole windows", "leave it out, or take --against truth")
     if added_us is not None:
         remedy = "labels are too few to ask for the newest answer between them"
         raise CommandError("goes with --against truth", where="--streaming", remedy=remedy)
@@ -176,8 +184,9 @@ def _describe(arguments: TuneArguments, method: str, result: TuningResult) -> st
 
 
 def _in_time_words(arguments: TuneArguments) -> str:
-    added_us = arguments.in_time.added_us()
-    return "" if added_us is None else f", the newest answers {added_us} us after their windows"
+    added_us, early = arguments.in_time.added_us(), arguments.windows.ends.words
+    late = "" if added_us is None else f", the newest answers {added_us} us after their windows"
+    return f"{late}, windows that end {early}" if early else late
 
 
 def _row(side: str, config: str, figures: Figures) -> dict[str, object]:

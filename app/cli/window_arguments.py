@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.cli.arguments import PositiveFloat, PositiveInt, flag, given
-from core.detection.window import SHORTEST_US, WindowRule
+from core.detection.window import SHORTEST_US, EarlyEnds, WindowRule
 from core.errors import CommandError
 from core.metrics import WindowAnswers
 
@@ -18,17 +18,18 @@ class WindowArguments:
     """When a window ends before its time; with both flags, what comes first."""
 
     window_events: PositiveInt | None = flag(
-        f"end a window after N events; at least {SHORTEST_US} us, at most --window-us", "N", "never"
+        f"end a window after N events; at least {SHORTEST_US} us, at most as long as without", "N", "never"
     )
     window_px: PositiveFloat | None = flag(
-        f"end a window when the ball has moved by X pixels; at least {SHORTEST_US} us, at most --window-us",
+        f"end a window when the ball has moved by X pixels; at least {SHORTEST_US} us, at most as long as without",
         "X",
         "never",
     )
 
-    def rule(self, longest_us: int) -> WindowRule:
-        """The rule with windows of at most that length."""
-        return WindowRule(longest_us=longest_us, events=self.window_events, motion_px=self.window_px)
+    @property
+    def ends(self) -> EarlyEnds:
+        """What ends a window."""
+        return EarlyEnds(events=self.window_events, motion_px=self.window_px)
 
     def refuse(self, why: str, remedy: str) -> None:
         """Raises CommandError if one was given."""

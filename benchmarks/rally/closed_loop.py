@@ -18,7 +18,7 @@ from core.cameras import Camera
 from core.chain.chain import AlignedPixels, BallPoint, RallyChain
 from core.chain.config import ChainConfig, HitRule, chain_for_physics, expected_physics
 from core.chain.control.controller import BuiltInController, Controller, RacketDecision
-from core.chain.control.hit_choice import HitChoice, RacketReach
+from core.chain.control.hit_choice import HitChoice, HitChoiceConfig, RacketReach
 from core.chain.control.player import Player, PlayerState
 from core.chain.follow import true_positions
 from core.detection import Detection
@@ -128,12 +128,13 @@ class ClosedLoop:
         between: Between | None = None,
         hit: HitRule = "paper",
         point_sigma_m: float | None = None,
+        choice: HitChoiceConfig | None = None,
     ) -> None:
         """By default the built-in controller plays, and the chain learns the physical constants and passes them on to
         it. With `knows_physics` both get the world's exact constants. The built-in controller knows the racket's
         rubber. `believed`: the cameras as they were calibrated, where that is not what they are.
 
-        `hit`: where balls are met, see `Player`.
+        `hit`, `choice`: where balls are met, see `Player`.
 
         With `recorded`, the balls that are served are of those. With `point_sigma_m` no camera looks: the chain gets
         the ball's true place with noise of that standard deviation along each axis, a point a window.
@@ -156,6 +157,7 @@ class ClosedLoop:
             controller or BuiltInController(task),
             hit=hit,
             reach=RacketReach.of_config(world.racket),
+            choice=choice,
         )
         self._window_us = window_us
         self._between = between

@@ -39,6 +39,7 @@ CONSTANTS: dict[str, dict[str, object]] = {
 ELSEWHERE = {
     "app": "app/test_return_in_browser.py",
     "drawn-scenes": "detection/test_bench_drawn_scenes.py",
+    "first-balls": "rally/test_bench_first_balls.py",
     "import": "recordings/test_bench_import.py",
     "learning": "learning/test_bench_learning.py",
     "outcomes": "rally/test_bench_outcomes.py",

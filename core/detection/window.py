@@ -57,6 +57,35 @@ class WindowRule:
                 raise ConfigError("a window of no length", expected="above 0", got=value, where=name)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EarlyEnds:
+    """What ends windows before their time, whatever the longest ones of a method are; nothing by default."""
+
+    events: int | None = None
+    """See `WindowRule`; so the other."""
+    motion_px: float | None = None
+
+    def within(self, longest_us: int) -> WindowRule:
+        """The rule with windows of at most that length.
+
+        Raises:
+            ConfigError: if a window would have no length.
+        """
+        return WindowRule(longest_us=longest_us, events=self.events, motion_px=self.motion_px)
+
+    @property
+    def words(self) -> str:
+        """Such as "after 500 events or 1 px of motion"; empty if windows last as long as they are."""
+        events = [] if self.events is None else [f"{self.events} events"]
+        motion = [] if self.motion_px is None else [f"{self.motion_px:g} px of motion"]
+        ends = " or ".join([*events, *motion])
+        return f"after {ends}" if ends else ""
+
+
+WHOLE: Final = EarlyEnds()
+"""Windows of the method's own length."""
+
+
 class ImageMotion:
     """How fast the ball moves in the picture, by a detector's last answers."""
 

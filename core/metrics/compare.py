@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from core.detection import DetectorConfig
 from core.detection.methods import Method, make_detector, method_config
+from core.detection.window import WHOLE, EarlyEnds
 from core.events import SensorSize
 from core.metrics.at_times import answers_at
 from core.metrics.delay import find_delay_us, without_delay
@@ -106,6 +107,7 @@ class MethodRun:
 
     method: Method
     window_us: int
+    """Length of the longest window."""
     answers: WindowAnswers
     step_s: Array
     """(N,) processor time of this thread for each window."""
@@ -197,13 +199,15 @@ def compare_methods(
     end_us: int,
     *,
     added_us: float = 0.0,
+    ends: EarlyEnds = WHOLE,
     progress: Callable[[float], None] = lambda share: None,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> Comparison:
     """Run every method over [start_us, end_us) and judge it; `against` a method, its answers are what is right.
 
     Against the truth one delay is taken out of each method, and the newest answers are scored in time, too, if each
-    takes `added_us` besides computing.
+    takes `added_us` besides computing. `ends`: what ends windows early, of all methods but against labels, where each
+    is asked for windows of its own.
 
     A method that is only the reference is run, and not judged, with its defaults. When `cancelled()` becomes true the
     runs are as far as they had come.
@@ -224,7 +228,9 @@ def compare_methods(
                 t_us = against.places.t_us[(start_us <= against.places.t_us) & (against.places.t_us < end_us)]
                 runs[method] = run_method_at(stream, method, config, t_us, progress=report, cancelled=cancelled)
                 continue
-            runs[method] = run_method(stream, method, config, start_us, end_us, progress=report, cancelled=cancelled)
+            runs[method] = run_method(
+                stream, method, config, start_us, end_us, ends=ends, progress=report, cancelled=cancelled
+            )
     if not isinstance(against, PixelReference):
         against = method_reference(runs[against].answers, against)
     reference = _within(against, start_us, end_us)
@@ -250,6 +256,7 @@ def run_method(
     start_us: int,
     end_us: int,
     *,
+    ends: EarlyEnds = WHOLE,
     progress: Callable[[float], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
 ) -> MethodRun:
@@ -257,10 +264,11 @@ def run_method(
     window_us = method_config(method, config).window.window_us
     first_us = max(0, start_us - LEAD_IN_US) // window_us * window_us  # the windows of a run over the whole recording
     detector = TimedDetector(make_detector(method, stream.sensor, config))
-    run_detector(stream, detector, window_us, start_us=first_us, end_us=min(first_us + LEAD_IN_US, end_us))
+    rule = ends.within(window_us)
+    run_detector(stream, detector, rule, start_us=first_us, end_us=min(first_us + LEAD_IN_US, end_us))
     detector.seconds.clear()  # its code is loaded by now, so the first step costs no more than others
     answers = run_detector(
-        stream, detector, window_us, start_us=first_us, end_us=end_us, progress=progress, cancelled=cancelled
+        stream, detector, rule, start_us=first_us, end_us=end_us, progress=progress, cancelled=cancelled
     )
     mine = answers.end_us > start_us
     return MethodRun(method, window_us, answers.rows(mine), np.array(detector.seconds)[mine])

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from core.config import check_settings, setting
 from core.detection import DetectorConfig, make_detector
+from core.detection.window import WHOLE, EarlyEnds
 from core.errors import RecordingError
 from core.metrics import run_detector
 from core.metrics.grid_score import GridScore, score_on_grid
@@ -200,6 +201,8 @@ class TruthObjective:
     """Score in time: what counts, at evenly spaced times, is the newest answer that has arrived, moved on by the
     ball's velocity, if each takes so long after the end of its window. None: each answer at its own time. What a step
     takes on this machine is not in it, or the same seed would not give the same answer."""
+    ends: EarlyEnds = WHOLE
+    """What ends windows early."""
 
     def score(self, recording: Recording, config: DetectorConfig, cancelled: Cancelled) -> SplitScore:
         """Score of all cameras together."""
@@ -209,7 +212,8 @@ class TruthObjective:
             truth = stream.truth
             assert truth is not None, "checked when the objective was made"
             detector = make_detector(self.method, stream.sensor, config)
-            answers = run_detector(stream, detector, config.window.window_us, cancelled=cancelled)
+            rule = self.ends.within(config.window.window_us)
+            answers = run_detector(stream, detector, rule, cancelled=cancelled)
             if cancelled():
                 raise TuningStoppedError
             if self.added_us is not None:
@@ -232,8 +236,11 @@ def truth_objective(
     config: TuningConfig | None = None,
     *,
     added_us: int | None = None,
+    ends: EarlyEnds = WHOLE,
 ) -> TruthObjective:
     """Objective for the cameras of a recording that have the truth; with `added_us` it is one in time.
+
+    `ends`: what ends windows early.
 
     Raises:
         RecordingError: if one of them knows none, or there are too few balls in it.
@@ -247,4 +254,4 @@ def truth_objective(
             raise RecordingError("there is no ground truth to tune against", where=f"camera {name}", remedy=remedy)
         times.append(truth.t_us[truth.visible])
     blocks = cut_blocks(np.concatenate(times), config.blocks, config.gap_us)
-    return TruthObjective(path, tuple(cameras), method, blocks, start.window.window_us, added_us)
+    return TruthObjective(path, tuple(cameras), method, blocks, start.window.window_us, added_us, ends)

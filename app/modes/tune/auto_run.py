@@ -20,6 +20,7 @@ from app.modes.tune.settings import stage_counts_html
 from core.detection import DetectorConfig
 from core.detection.methods import Method
 from core.detection.saved import load_detector, save_detector
+from core.detection.window import WHOLE, EarlyEnds
 from core.errors import CommandError, RallyscopeError
 from core.text import parse_json
 from core.tuning.objective import Figures, measurably_differ
@@ -178,6 +179,8 @@ class AutoTuneRequest:
     start: DetectorConfig
     added_us: int | None = None
     """Score in time, with this extra latency; None: each answer at its own time."""
+    ends: EarlyEnds = WHOLE
+    """What ends windows early; not against labels."""
     where: tuple[str, ...]
     """The flags of `tune` that say where the trials are made."""
 
@@ -247,6 +250,10 @@ def tune_command(request: AutoTuneRequest, start: Path, found: Path) -> list[str
     words += ["--against", request.against]
     if request.added_us is not None:
         words += ["--streaming", "--delay-us", str(request.added_us)]
+    if request.ends.events is not None:
+        words += ["--window-events", str(request.ends.events)]
+    if request.ends.motion_px is not None:
+        words += ["--window-px", str(request.ends.motion_px)]
     if request.against == "labels":
         reference = find_reference(request.labels, request.uuid, request.camera)
         if reference is None:

@@ -14,6 +14,7 @@ from app.background.jobs import LoopJob, Progress
 from app.formatting import html_text
 from app.modes.mode import ModeHost
 from app.modes.tune.auto_run import Against, AutoTuneAnswer, AutoTuneRequest, report_html, run_auto_tune, running_html
+from app.modes.tune.results_panel import Timing
 from app.modes.tune.settings import stage_counts_html
 from app.panels.field_control import field_label, section_title
 from app.state.client_state import Configs
@@ -186,10 +187,10 @@ def confirm_overwrite(gui: viser.GuiApi, config: str, start: Callable[[], None])
 class AutoTune:
     """Methods are called in the loop. `show_result` is given what to show of a search."""
 
-    def __init__(self, host: ModeHost, show_result: Callable[[str], None], added_us: Callable[[], int]) -> None:
-        """`added_us` is asked for what an answer takes besides computing."""
+    def __init__(self, host: ModeHost, show_result: Callable[[str], None], timing: Callable[[], Timing]) -> None:
+        """`timing` is asked for what is chosen in the tab Score."""
         self._host = host
-        self._added_us = added_us
+        self._timing = timing
         self._show_result = show_result
         self._job = LoopJob[AutoTuneAnswer](host.later, host.report, lambda: self.panel.show_running(False))
         self._request: AutoTuneRequest | None = None
@@ -227,9 +228,10 @@ class AutoTune:
         state, recording = self._host.state, self._host.recording
         if state is None or recording is None or self._job.running:
             return
-        form = self.panel.form
+        form, timing = self.panel.form, self._timing()
+        early = f", windows end {timing.ends.words}" if timing.ends.words else ""
         request = AutoTuneRequest(
-            title=f"{form.method}, {state.recording}, {'all cameras' if form.all_cameras else state.camera}",
+            title=f"{form.method}, {state.recording}, {'all cameras' if form.all_cameras else state.camera}{early}",
             recording=self._host.services.library.file_of(state.recording),
             uuid=recording.uuid,
             camera=state.camera,
@@ -241,7 +243,8 @@ class AutoTune:
             trials=form.trials,
             seed=form.seed,
             start=state.history_of(form.method).present.a,
-            added_us=self._added_us() if form.in_time else None,
+            added_us=timing.added_us if form.in_time else None,
+            ends=timing.ends,
             where=self._host.services.places.flags(form.place, max(1, usable_cores() - 1)),
         )
 

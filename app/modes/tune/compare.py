@@ -9,6 +9,7 @@ from app.background.jobs import LoopJob, Progress
 from app.modes.mode import ModeHost
 from app.modes.tune.compare_panel import ComparePanel, CompareSidePanel
 from app.modes.tune.compare_run import CompareAnswer, CompareRequest, run_comparison
+from app.modes.tune.results_panel import Timing
 from app.state.client_state import ClientState
 from app.state.commands import Command, LookAt, SetCamera, SetMethod, StopAt
 from core.detection.methods import Method
@@ -21,10 +22,10 @@ PROGRESS_EVERY_S: Final = 0.1
 class CompareOverTime:
     """Methods are called in the loop."""
 
-    def __init__(self, host: ModeHost, send: Callable[[Command], None], added_us: Callable[[], int]) -> None:
-        """`added_us` is asked for what an answer takes besides computing."""
+    def __init__(self, host: ModeHost, send: Callable[[Command], None], timing: Callable[[], Timing]) -> None:
+        """`timing` is asked for what is chosen in the tab Score."""
         self._host = host
-        self._added_us = added_us
+        self._timing = timing
         self._job = LoopJob[CompareAnswer](host.later, host.report, lambda: self.panel.show_running(False))
         self._answer: CompareAnswer | None = None
         self._active, self._wanted = False, True
@@ -87,6 +88,7 @@ class CompareOverTime:
         if not state.tune.compared:
             raise CommandError("no methods to compare", remedy="select some under Compare methods")
         start_us, end_us = _span_of(state, self.panel.span_us)
+        timing = self._timing()
         request = CompareRequest(
             recording=state.recording,
             uuid=recording.uuid,
@@ -98,7 +100,8 @@ class CompareOverTime:
             start_us=start_us,
             end_us=end_us,
             live=state.playhead.live,
-            added_us=self._added_us(),
+            added_us=timing.added_us,
+            ends=timing.ends,
         )
 
         def work(progress: Progress, cancelled: Callable[[], bool]) -> CompareAnswer:

@@ -19,6 +19,7 @@ from app.state.client_state import Slot
 from app.state.config_words import settings_words
 from core.detection import DetectorConfig
 from core.detection.methods import Method
+from core.detection.window import WHOLE, EarlyEnds
 from core.errors import CommandError
 from core.metrics.compare import (
     ClassifiedRun,
@@ -64,6 +65,8 @@ class CompareRequest:
     """Whether the camera is live; its events are then copied first, so that every method sees the same ones."""
     added_us: float = 0.0
     """What an answer takes besides computing, for the score in time."""
+    ends: EarlyEnds = WHOLE
+    """What ends windows early; not against labels."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,13 +136,20 @@ class KnownReferences:
         self._kept = {}
 
 
+def check_whole(ends: EarlyEnds) -> None:
+    """Raises CommandError for windows that end early: each label is asked for a whole one."""
+    if ends.words:
+        remedy = "set Window ends to 0 in the tab Score"
+        raise CommandError("labels are asked for whole windows", got=f"windows that end {ends.words}", remedy=remedy)
+
+
 def run_comparison(
     request: CompareRequest, *, progress: Callable[[float], None], cancelled: Callable[[], bool]
 ) -> CompareAnswer:
     """Run the methods, and prepare what is shown; of no use if it was cancelled meanwhile.
 
     Raises:
-        CommandError: if there are no events in the part that is asked for.
+        CommandError: if there are no events in the part that is asked for, or windows end early against labels.
     """
     stream = request.stream
     end_us = min(request.end_us, duration_of(stream))
@@ -151,6 +161,8 @@ def run_comparison(
     against: PixelReference | Method | None = request.agree_with
     if against is None:
         against = known_reference(request.labels, request.uuid, stream)
+    if isinstance(against, PixelReference) and against.kind == "labels":
+        check_whole(request.ends)
     outcome = compare_methods(
         stream,
         dict(request.configs),
@@ -158,6 +170,7 @@ def run_comparison(
         request.start_us,
         end_us,
         added_us=request.added_us,
+        ends=request.ends,
         progress=progress,
         cancelled=cancelled,
     )
@@ -172,8 +185,9 @@ def run_comparison(
         )
         for judged in outcome.judged
     )
+    early = f", windows end {request.ends.words}" if request.ends.words else ""
     return CompareAnswer(
-        title=f"{request.recording}, {stream.name}, {request.start_us / 1e6:.2f} to {end_us / 1e6:.2f} s",
+        title=f"{request.recording}, {stream.name}, {request.start_us / 1e6:.2f} to {end_us / 1e6:.2f} s{early}",
         camera=stream.name,
         kind=outcome.reference.kind,
         reference=outcome.reference.name,
@@ -215,7 +229,7 @@ def comparison_html(answer: CompareAnswer) -> str:
     return (
         f"<div style='font-size:12px;padding:4px 8px'>{html_text(answer.title)}"
         f"<div style='overflow-x:auto;font-size:11px'>{table}</div>"
-        f"<div style='{muted}'>{counted}. ms: processor time of a window of each method's own length.</div></div>"
+        f"<div style='{muted}'>{counted}. ms: processor time of a window.</div></div>"
     )
 
 

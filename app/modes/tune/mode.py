@@ -9,7 +9,7 @@ from app.background.jobs import LatestWins, LoopJob, Progress
 from app.modes.mode import Middle, ModeHost
 from app.modes.tune.auto_tune import AutoTune
 from app.modes.tune.compare import CompareOverTime
-from app.modes.tune.compare_run import CompareAnswer, KnownReferences
+from app.modes.tune.compare_run import CompareAnswer, KnownReferences, check_whole
 from app.modes.tune.label_score import LabelScore, labels_to_score, score_with_labels
 from app.modes.tune.nothing_found import NothingFound, SampleRequest
 from app.modes.tune.results_panel import KEPT, ResultsPanel
@@ -64,13 +64,13 @@ class TuneMode:
         gui = host.client.gui
         self._view = TuneViewPanel(gui, self._send)
         self._settings = SettingsPanel(gui, self._send)
-        self._compare = CompareOverTime(host, self._send, lambda: self._results.score.added_us)
+        self._compare = CompareOverTime(host, self._send, lambda: self._results.score.timing)
         self._results = ResultsPanel(gui, lambda: host.later(self._start_score), lambda: host.later(self._score.cancel))
         self._nothing = NothingFound(
             host.pool, host.later, self._failed, lambda html: self._results.candidates.show_nothing_found(html)
         )
         self._sample: SampleRequest | None = None
-        self._auto = AutoTune(host, self._results.show_tuned, lambda: self._results.score.added_us)
+        self._auto = AutoTune(host, self._results.show_tuned, lambda: self._results.score.timing)
         self._files = ConfigFilesPanel(
             gui,
             lambda name: host.later(lambda: self._save_config(name)),
@@ -292,21 +292,25 @@ class TuneMode:
         if state is None or recording is None or self._score.running:
             return
         stream, config = recording.cameras[state.camera], state.config
-        method, added_us = state.tune.method, self._results.score.added_us
+        method, timing = state.tune.method, self._results.score.timing
         scored = shown_config(state)
-        title = f"{state.recording}, {state.camera}, {config_words(method, state.tune.slot, config)}"
+        early = f", windows end {timing.ends.words}" if timing.ends.words else ""
+        title = f"{state.recording}, {state.camera}, {config_words(method, state.tune.slot, config)}{early}"
         folder, uuid, later = self._host.services.workspace.labels, recording.uuid, self._host.later
 
         def work(progress: Progress, cancelled: Callable[[], bool]) -> RunScore | LabelScore:
             reference = labels_to_score(folder, uuid, stream, annotator)
             if reference is None:
                 truth = known_truth(stream)
-                score = score_run(stream, truth, method, config, progress=progress, cancelled=cancelled)
+                score = score_run(
+                    stream, truth, method, config, ends=timing.ends, progress=progress, cancelled=cancelled
+                )
                 runs = runs_of_verdicts(judge_answers(score.timed.answers, truth), score.judged.run.window_us)
                 later(lambda: self._show_verdicts(uuid, scored, runs))
                 return score
+            check_whole(timing.ends)
             return score_with_labels(
-                *(folder, reference, stream, method, config, added_us), progress=progress, cancelled=cancelled
+                *(folder, reference, stream, method, config, timing.added_us), progress=progress, cancelled=cancelled
             )
 
         self._score.start(work, lambda score: self._score_done(title, scored, score, announced=annotator is not None))

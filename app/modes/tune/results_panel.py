@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -22,11 +23,24 @@ from app.widgets import when_changed, when_clicked
 from core.detection import Detection, RefinedDetection
 from core.detection.method_trace import CandidateRow, MethodTrace, Residuals
 from core.detection.reasons import FIXED, Reason, ReasonCount
+from core.detection.window import EarlyEnds
 from core.metrics.run import WindowAnswer
 
 KEPT = 6
 """Scores shown below each other, newest first, so that changes can be compared."""
 MAX_DELAY_MS: Final = 1000.0
+MAX_EVENTS: Final = 1_000_000
+MAX_MOTION_PX: Final = 100.0
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """When answers come."""
+
+    added_us: int
+    """What an answer takes besides computing."""
+    ends: EarlyEnds
+    """What ends windows early."""
 
 
 class ScorePanel:
@@ -47,6 +61,22 @@ class ScorePanel:
             step=0.5,
             hint="Time from cable, network and robot, added to the computing time in the Live columns",
         )
+        self._events = gui.add_number(
+            "Window ends [events]",
+            0,
+            min=0,
+            max=MAX_EVENTS,
+            step=100,
+            hint="A window ends after so many events; 0: never. Counts for Score, Compare over time and Auto-tune",
+        )
+        self._motion = gui.add_number(
+            "Window ends [px]",
+            0.0,
+            min=0.0,
+            max=MAX_MOTION_PX,
+            step=0.5,
+            hint="A window ends when the ball has moved so far; 0: never. Counts for the same three",
+        )
         self._runs: list[tuple[str, RunScore]] = []
         when_changed(self._delay, lambda _: self._show_runs())
         when_clicked(self._start, start)
@@ -56,6 +86,13 @@ class ScorePanel:
     def added_us(self) -> int:
         """What an answer takes besides computing."""
         return round(1e3 * min(max(float(self._delay.value), 0.0), MAX_DELAY_MS))
+
+    @property
+    def timing(self) -> Timing:
+        """What is chosen for scores, comparisons and searches."""
+        events = round(min(max(float(self._events.value), 0.0), MAX_EVENTS))
+        motion_px = min(max(float(self._motion.value), 0.0), MAX_MOTION_PX)
+        return Timing(self.added_us, EarlyEnds(events=events or None, motion_px=motion_px or None))
 
     def show_running(self, running: bool, title: str = "") -> None:
         """Swap the start button for progress and cancel; `title` names what is scored."""

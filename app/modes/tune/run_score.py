@@ -11,6 +11,7 @@ import numpy as np
 from app.formatting import html_text, share_text, table_row, with_dashes_explained
 from core.detection import DetectorConfig
 from core.detection.methods import Method, make_detector, method_config
+from core.detection.window import WHOLE, EarlyEnds
 from core.metrics.compare import ClassifiedRun, MethodRun, judge_run, judge_whole_run, whole_reference
 from core.metrics.delay import without_delay
 from core.metrics.run import TimedDetector, run_detector
@@ -41,13 +42,14 @@ def score_run(
     method: Method,
     config: DetectorConfig,
     *,
+    ends: EarlyEnds = WHOLE,
     progress: Callable[[float], None],
     cancelled: Callable[[], bool],
 ) -> RunScore:
-    """Run a method over a recording and compare its answers with the truth."""
+    """Run a method over a recording and compare its answers with the truth. `ends`: what ends windows early."""
     window_us = method_config(method, config).window.window_us
     detector = TimedDetector(make_detector(method, stream.sensor, config))
-    answers = run_detector(stream, detector, window_us, progress=progress, cancelled=cancelled)
+    answers = run_detector(stream, detector, ends.within(window_us), progress=progress, cancelled=cancelled)
     step_s = np.array(detector.seconds)
     judged = judge_whole_run(MethodRun(method, window_us, answers, step_s), stream, truth)
     return RunScore(stream, TimedRun(without_delay(answers, judged.delay_us), truth, 1e6 * step_s), judged)

@@ -267,6 +267,12 @@ def a_config_is_scored_over_the_recording(tune) -> None:
     tune.fill(tune.field("Extra latency [ms]"), "30")
     row.get_by_text(re.compile(r"^3\d\.\d\d ms$")).wait_for()
     tune.screenshot("score-in-time")
+    tune.fill(tune.field("Window ends [px]"), "3")
+    tune.press("Score this config on the whole recording")
+    tune.page.get_by_role("row").filter(has_text="windows end after 3 px of motion").first.wait_for()
+    tune.screenshot("score-of-early-windows")
+    tune.fill(tune.field("Window ends [px]"), "0")
+    tune.fill(tune.field("Extra latency [ms]"), "0")
 
 
 def thresholds_are_tuned_and_the_result_is_b_beside_a(tune) -> None:

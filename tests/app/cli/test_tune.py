@@ -75,6 +75,17 @@ def test_in_time_it_says_so_and_labels_cannot_be_asked(
     assert "--streaming" in capsys.readouterr().err
 
 
+def test_windows_may_end_early_and_are_named_but_not_against_labels(
+    serve_recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, few = tmp_path / "a.toml", ("--trials", "2", "--method", "auto", "--parameters", NAMES, "--camera", "left")
+    early = ("--window-px", "1", "--window-events", "900")
+    assert tune(serve_recording, out, *few, *early) == 0
+    assert "windows that end after 900 events or 1 px of motion" in capsys.readouterr().out
+    assert tune(serve_recording, out, *few, *early, "--against", "labels", "--data", tmp_path) == 2
+    assert "--window-events" in capsys.readouterr().err
+
+
 def test_a_person_reads_both_sides_what_changed_and_whether_it_holds(
     serve_recording: Path, strict: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -5,6 +5,7 @@ import pytest
 
 from core.detection import DetectorConfig, refined_config
 from core.detection.methods import make_detector
+from core.detection.window import EarlyEnds
 from core.metrics import WindowAnswers, run_detector, score_answers
 from core.metrics.compare import (
     ClassifiedRun,
@@ -144,6 +145,17 @@ def test_a_part_of_a_recording_is_answered_as_in_the_whole(stream, compared: Com
     assert part.answers.end_us[0] == 201_000 and part.answers.end_us.tolist() == same.end_us.tolist()
     assert np.abs(part.answers.u_px - same.u_px).max() < 0.5
     assert len(part.step_s) == len(same.end_us)
+
+
+def test_windows_that_end_by_motion_or_events_are_more_and_their_answers_younger(stream, compared: Comparison) -> None:
+    assert stream.truth is not None
+    usual, reference = compared.judged[0], truth_reference(stream.truth, stream.sensor)
+    for ends in (EarlyEnds(motion_px=3.0), EarlyEnds(events=300)):
+        (early,) = compare_methods(stream, {"auto": DetectorConfig()}, reference, 0, 600_000, ends=ends).judged
+        assert len(early.run.answers.end_us) > len(usual.run.answers.end_us)
+        assert early.in_time is not None and usual.in_time is not None
+        assert early.in_time.age_median_us < usual.in_time.age_median_us
+        assert len(early.run.step_s) == len(early.run.answers.end_us)
 
 
 def test_a_comparison_that_is_cancelled_ends_early(stream) -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from core.config import config_to_mapping, get_setting, replace_setting
 from core.detection import DetectorConfig
+from core.detection.window import EarlyEnds
 from core.errors import CommandError, ConfigError, RecordingError
 from core.jobs import JobBackend
 from core.metrics.grid_score import GridScore
@@ -55,6 +56,15 @@ def test_a_worse_detector_scores_worse(objective: TruthObjective, recording: Rec
     blind = replace_setting(DetectorConfig(), ("cluster", "size_max"), 40)
     good, bad, none = (objective_of(objective, recording, config) for config in (DetectorConfig(), BAD, blind))
     assert good > bad + 0.05 > bad > none == WORST
+
+
+def test_windows_that_end_early_are_scored_as_such(
+    serve_recording: Path, recording: Recording, objective: TruthObjective
+) -> None:
+    ends = EarlyEnds(motion_px=1.0)
+    early = truth_objective(serve_recording, recording, ("left",), "auto", BAD, ends=ends)
+    usual, shorter = (objective_of(one, recording, DetectorConfig()) for one in (objective, early))
+    assert shorter < usual - 0.05, "this method needs the events of a longer window"
 
 
 def test_both_sides_ask_for_balls_and_share_none(objective: TruthObjective, recording: Recording) -> None:

@@ -20,6 +20,7 @@ from app.modes.tune.auto_run import (
 )
 from core.config import replace_setting
 from core.detection import DetectorConfig
+from core.detection.window import EarlyEnds
 from core.errors import RallyscopeError
 from core.recordings import open_recording
 
@@ -66,6 +67,8 @@ def test_a_search_in_time_is_asked_for_with_its_latency(request_: AutoTuneReques
     assert "--streaming" not in words(request_)
     asked = words(dataclasses.replace(request_, added_us=3000))
     assert asked[asked.index("--streaming") :] == ["--streaming", "--delay-us", "3000"]
+    early = words(dataclasses.replace(request_, ends=EarlyEnds(events=500, motion_px=1.5)))
+    assert early[early.index("--window-events") :] == ["--window-events", "500", "--window-px", "1.5"]
 
 
 def test_a_refusal_is_said_in_the_words_of_the_verb(request_: AutoTuneRequest) -> None:

@@ -19,6 +19,7 @@ from app.modes.tune.compare_run import (
 )
 from app.modes.tune.label_score import find_reference, labels_to_score, score_with_labels
 from core.detection.methods import METHODS, method_config
+from core.detection.window import EarlyEnds
 from core.errors import CommandError
 from core.metrics.compare import ErrorRun
 from core.metrics.score import MATCH_RADIUS_PX
@@ -121,6 +122,9 @@ def test_without_truth_the_labels_of_whoever_made_most_are_right_but_for_hidden_
     answer = run(request_of(WithoutTruth(stream), tmp_path))
     assert "against 4 labels by ann" in comparison_html(answer)
     assert [one.judged.recall for one in answer.methods] == [1.0, 1.0]
+    early = dataclasses.replace(request_of(WithoutTruth(stream), tmp_path), ends=EarlyEnds(events=500))
+    with pytest.raises(CommandError, match="labels are asked for whole windows"):
+        run(early)
 
 
 def test_labels_are_counted_as_the_score_counts_them(stream, tmp_path: Path) -> None:
