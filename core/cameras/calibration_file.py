@@ -184,6 +184,9 @@ def _read_text(path: Path) -> str:
         content = path.read_bytes()
     except OSError as error:
         raise CalibrationError("cannot read the calibration", got=error.strerror, where=path) from error
+    if content.startswith(b"\x93NUMPY") or (content.startswith(b"PK") and b".npy" in content[:1024]):
+        remedy = "write image_width, image_height, camera_matrix and distortion_coefficients as JSON or YAML"
+        raise CalibrationError("arrays of NumPy, whose names no tool agrees on", where=path, remedy=remedy)
     if (packed := compression_of(content)) is not None:
         raise CalibrationError(f"the file is compressed ({packed})", where=path, remedy="unpack it first")
     try:

@@ -24,6 +24,9 @@ FOCAL_RATIO: Final = 2.0
 ODD_RATIO: Final = 1.1
 ODD_CENTRE: Final = 0.2
 """Distance of the principal point, as a share of the side, off the middle of the picture."""
+ODD_EXCHANGED: Final = 0.1
+EXCHANGED_SHARE: Final = 0.25
+"""Farther off than `ODD_EXCHANGED`, cx and cy are exchanged if that leaves no more than this share of the distance."""
 GRID: Final = (16, 12)
 """Pixels of the picture for which a ray is looked for."""
 MOST_BLIND: Final = 0.5
@@ -79,7 +82,12 @@ def odd_lenses(cameras: Mapping[str, Camera]) -> list[str]:
         (fx, fy), centre = np.diag(camera.K)[:2], camera.K[:2, 2]
         if not 1 / ODD_RATIO <= fx / fy <= ODD_RATIO:
             notes.append(f"{name}: fx {fx:g} and fy {fy:g} differ; pixels of event cameras are square")
-        if (np.abs(centre / size - 0.5) > ODD_CENTRE).any():
+        off, exchanged = (float(np.abs(one / size - 0.5).max()) for one in (centre, centre[::-1]))
+        if exchanged < EXCHANGED_SHARE * off and off > ODD_EXCHANGED:
+            notes.append(
+                f"{name}: cx {centre[0]:g} and cy {centre[1]:g} seem to be exchanged: {camera.sensor} is the size"
+            )
+        elif off > ODD_CENTRE:
             notes.append(
                 f"{name}: the principal point {centre[0]:g}, {centre[1]:g} is far from the middle of "
                 f"{camera.sensor}; K may be for another picture size"

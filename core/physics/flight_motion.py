@@ -22,6 +22,13 @@ FEWEST: Final = 5
 """Points from which a motion is measured, and rows of which one may be odd."""
 FEWEST_FOR_FALL: Final = 8
 """Points from which gravity is measured. Chosen by hand; not measured."""
+FEWEST_FOR_SLOPE: Final = 4
+SLOPE_S: Final = 0.03
+"""Time before and after a bounce from which its speeds are told: gravity changes them by 0.3 m/s."""
+TURN_MPS: Final = 1.0
+"""Speed downwards before, and upwards after a bounce."""
+ABOVE_TABLE_M: Final = 0.2
+"""Height at a bounce that no error of a calibration makes of the ball's radius."""
 NEIGHBOURS: Final = 3
 """Points before and after one from which it has to be reachable. Chosen by hand; not measured."""
 JITTER_M: Final = 0.5
@@ -84,6 +91,31 @@ def measure_motion(t_s: Array, ps_m: Array) -> Motion | None:
     extent = float(np.ptp(ps_m, axis=0).max())
     along_y = bool(abs(moved[1]) > 1.5 * abs(moved[0]) and abs(moved[1]) > 0.5)
     return Motion(speed, _fall(t_s, ps_m[:, 2]), extent, along_y, bool(moved[0] > 0.5))
+
+
+def bounce_heights(t_s: Array, ps_m: Array) -> list[float]:
+    """Lowest height at each bounce of points (N, 3) at ascending times (N,).
+
+    A bounce turns a fall into a rise, and not the ball's direction, as a racket does.
+    """
+    found: list[tuple[float, float]] = []
+    firsts, ends = np.searchsorted(t_s, t_s - SLOPE_S), np.searchsorted(t_s, t_s + SLOPE_S)
+    for k, (first, end) in enumerate(zip(firsts, ends, strict=True)):
+        if min(k - first, end - k) < FEWEST_FOR_SLOPE:
+            continue
+        before, after = (_slope(t_s[side], ps_m[side]) for side in (slice(first, k), slice(k, end)))
+        if before[2] < -TURN_MPS and after[2] > TURN_MPS and before[:2] @ after[:2] > 0:
+            low_m = float(ps_m[first:end, 2].min())
+            if found and t_s[k] - found[-1][0] < SLOPE_S:
+                low_m = min(low_m, found.pop()[1])
+            found.append((float(t_s[k]), low_m))
+    return [low_m for _, low_m in found]
+
+
+def _slope(t_s: Array, ps_m: Array) -> Array:
+    """Velocity (3,) of the straight line through points."""
+    t = t_s - t_s.mean()
+    return t @ ps_m / (t @ t)
 
 
 def _fall(t_s: Array, z_m: Array) -> float | None:

@@ -22,11 +22,13 @@ from numpy.typing import NDArray
 from core.errors import RallyscopeError
 from core.foreign_tables import METRES, NO_NUMBER, spelled, split_unit, with_point
 from core.physics.flight_motion import (
+    ABOVE_TABLE_M,
     FEWEST,
     SPEEDS_MPS,
     Array,
     Motion,
     allowed_odd,
+    bounce_heights,
     find_units,
     measure_motion,
     other_units,
@@ -367,7 +369,10 @@ def _scaled(rows: _Rows, columns: _Columns, path: Path, notes: list[str]) -> Poi
     text = f"{len(t_s)} points over {1e3 * (t_s[-1] - t_s[0]):.0f} ms, {units}"
     if (gap_s := float(np.diff(t_s).max(initial=0.0))) > LONGEST_GAP_S:
         notes.append(f"no point for {gap_s:.1f} s: does the file hold several flights?")
-    return PointsFile(t_s, ps_m, text + _words(motion, notes), tuple(notes))
+    words = _words(motion, notes)
+    if (heights_m := bounce_heights(t_s, ps_m)) and min(heights_m) > ABOVE_TABLE_M:
+        notes.append(f"the ball bounces at z = {heights_m[0]:.2f} m: z = 0 is to be the top of the table")
+    return PointsFile(t_s, ps_m, text + words, tuple(notes))
 
 
 def _unit_name(size: float, unit: str) -> str:

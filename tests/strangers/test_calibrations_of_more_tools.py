@@ -5,8 +5,10 @@ Each case says what came of it when it was first tried.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from core.cameras.calibration_file import read_calibration_file
@@ -219,3 +221,12 @@ def test_a_calibration_that_cannot_be_read_is_refused_with_the_cause(link: str, 
     (tmp_path / "a.yaml").write_text(text)
     with pytest.raises(CalibrationError, match=said):
         read_calibration_file(tmp_path / "a.yaml")
+
+
+@pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
+def test_arrays_of_numpy_are_refused_as_such(save: Callable[..., None], tmp_path: Path) -> None:
+    """OpenCV's tutorial keeps a calibration so; it was refused as a compressed file that is to be unpacked."""
+    with (tmp_path / "lens.npz").open("wb") as file:
+        save(file, mtx=np.eye(3), dist=np.zeros(5))
+    with pytest.raises(CalibrationError, match=r"arrays of NumPy.*as JSON or YAML"):
+        read_calibration_file(tmp_path / "lens.npz")

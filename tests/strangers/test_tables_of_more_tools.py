@@ -142,6 +142,11 @@ REFUSED: dict[str, tuple[Write, str]] = {
         lines(lambda t, x, y, p: f"{t},{x},{y + 240},{p}"),
         "expected a sensor of at least 640x7[12]",
     ),
+    # Addresses that lost their upper bits: was read, everything within 256 x 256 of 640 x 480.
+    "own variation: addresses in 8 bits": (
+        lambda p: make.npz(p, t=VGA.t, x=(VGA.x % 256).astype(np.uint8), y=VGA.y, p=VGA.p),
+        "x is stored in 8 bits.*--width",
+    ),
     # Two cameras in one table: was read as one camera that saw everything twice.
     "own variation: a column for the camera": (
         lines(lambda t, x, y, p: f"{t},{x},{y},{p},{t % 2}", "t,x,y,p,cam_id"),
@@ -172,3 +177,25 @@ def test_a_table_that_cannot_be_read_is_refused_with_the_cause(report: str, tmp_
     with pytest.raises(RecordingError, match=said):
         import_recording(ImportOrder([path], sensor=SensorSize(640, 480)), tmp_path / "out.h5")
     assert not (tmp_path / "out.h5").exists()
+
+
+NOTED: dict[str, tuple[Write, str]] = {
+    # A spreadsheet that keeps six digits of a time: was read without a word, all events at four times.
+    "own variation: 1.00003E+10": (
+        lines(lambda t, x, y, p: f"{1e10 + t:.5E},{x},{y},{p}"),
+        "600 events have few times, 100 ms or more apart; were the times rounded",
+    ),
+    # Addresses from 1: the last column and row were left out, without a word of the reason.
+    "own variation: pixels from 1 in CSV": (
+        lines(lambda t, x, y, p: f"{t},{x + 1 if t else 640},{y + 1},{p}"),
+        "no address is 0, the last ones are 640, 4",
+    ),
+}
+
+
+@pytest.mark.parametrize("report", NOTED)
+def test_what_a_table_may_have_lost_is_noted(report: str, tmp_path: Path) -> None:
+    write, said = NOTED[report]
+    path = write(tmp_path / "events.bin")
+    made = import_recording(ImportOrder([path], sensor=SensorSize(640, 480)), tmp_path / "out.h5")
+    assert made is not None and said in " ".join(made.notes)

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
+
 from core.errors import RecordingError
 from core.events import Events, SensorSize
 from core.foreign_tables import allowed_odd
@@ -125,6 +127,10 @@ def make_table_source(
                 where=path,
                 remedy="give --width and --height",
             )
+        _refuse_bytes(look(), size, path)
+        if origin != FactOrigin.ASSUMED and look().addresses.may_count_from_1(size):
+            column, row = look().addresses.largest
+            report.assume(f"{path.name}: no address is 0, the last ones are {column}, {row}; do they count from 1?")
         for note in assumed:
             report.assume(note)
         report.notes.extend(remarks)
@@ -134,6 +140,23 @@ def make_table_source(
         return (_shifted(part, shift_us) for part in events) if shift_us else events
 
     return EventSource(name, label, size, read, sensor_from=origin)
+
+
+def _refuse_bytes(seen: TableSummary, size: SensorSize, path: Path) -> None:
+    """Raise RecordingError if addresses in 8 bits, which begin again at 0 after 255, are of a larger sensor."""
+    largest = np.iinfo(np.uint8).max
+    column, row = seen.addresses.largest
+    for name, narrow, found, side in (
+        ("x", seen.bytes_x, column, size.width_px),
+        ("y", seen.bytes_y, row, size.height_px),
+    ):
+        if narrow and found == largest < side - 1:
+            raise RecordingError(
+                f"{name} is stored in 8 bits, which cannot hold the addresses of the {size} sensor",
+                got=f"0 to {largest}",
+                where=path,
+                remedy="write x and y in 16 bits, or give the size of the part that was stored (--width, --height)",
+            )
 
 
 def _note_size(report: DecodeReport, path: Path, size: SensorSize, origin: FactOrigin, label: str) -> None:

@@ -76,6 +76,7 @@ def test_right_files_are_read_without_a_remark_about_their_values(tmp_path: Path
     ("text", "said"),
     [
         (one(cx=320, cy=180), "far from the middle of 1280x720"),
+        (one(cx=361, cy=639), "cx 361 and cy 639 seem to be exchanged"),
         (one(1000, 850), "fx 1000 and fy 850 differ"),
         (one() + "---\n" + one(2000, 2000), "several documents"),
         (pair("[0.5, 0, 0]"), "right stands 0.5 m to the left of left"),

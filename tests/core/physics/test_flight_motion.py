@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.physics.flight_motion import Units, find_units, reachable
+from core.physics.flight_motion import Units, bounce_heights, find_units, reachable
 
 pytestmark = pytest.mark.numeric
 
@@ -28,3 +28,14 @@ def test_a_slow_ball_at_the_top_of_its_flight_tells_its_units() -> None:
     t_s = np.arange(-15, 16) / 100
     places_m = np.column_stack([1.2 * t_s, 0 * t_s, 1 - 4.905 * t_s**2])
     assert find_units(np.column_stack([t_s, places_m]), None, None) == [Units(1.0, 1.0)]
+
+
+@pytest.mark.parametrize(("floor_m", "keeps", "heights_m"), [(0.78, 0.7, [0.78]), (0.02, 0.7, [0.02]), (0.5, -1.2, [])])
+def test_a_bounce_keeps_the_direction_of_the_ball_and_a_racket_does_not(floor_m, keeps, heights_m) -> None:
+    """5 m/s towards the robot and down onto something, then up at 3.1 m/s, and `keeps` along x."""
+    t_s = np.arange(-0.2, 0.2, 0.004)
+    down, up = 4.905 * 0.2**2 - 4.905 * (t_s + 0.2) ** 2 - 1.5 * t_s, 3.1 * t_s - 4.905 * t_s**2
+    z_m = floor_m + np.where(t_s < 0, down, up)
+    places_m = np.column_stack([np.where(t_s < 0, -5 * t_s, -5 * keeps * t_s), 0 * t_s, z_m])
+    noise_m = np.random.default_rng(0).normal(0, 0.002, places_m.shape)
+    assert bounce_heights(t_s, places_m + noise_m) == pytest.approx(heights_m, abs=0.02)

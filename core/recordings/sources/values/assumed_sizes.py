@@ -52,6 +52,13 @@ class AddressCounts:
         beside = int(self.columns[width:height].sum())
         return height > width and beside > _FEW_BEYOND and not self.rows[width:].any()
 
+    def may_count_from_1(self, sensor: SensorSize) -> bool:
+        """Whether no address is 0, and the largest is the one behind the sensor's last."""
+        sides = ((self.columns, sensor.width_px), (self.rows, sensor.height_px))
+        if any(counts[0] or counts[side + 1 :].any() for counts, side in sides):
+            return False
+        return any(bool(counts[side : side + 1].any()) for counts, side in sides)
+
     def usual_sensor(self) -> SensorSize:
         """The smallest usual sensor that has all addresses but a few odd ones, else one just large enough for all."""
         events = int(self.columns.sum())

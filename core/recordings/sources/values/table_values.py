@@ -38,7 +38,7 @@ _LONG_US: Final = 60e6
 _SHORT_US: Final = 5e3
 _MANY_ROWS: Final = 1000
 _ALIKE_ROWS: Final = 20
-"""So few events may really have one time."""
+"""So few events may really have one time, and so many at each of all times not."""
 _LONGEST_STEP_US: Final = 1000.0
 _FINE_STEP_US: Final = 10.0
 """Steps of times as the clocks of cameras have them."""
@@ -75,6 +75,11 @@ class TableSummary:
     """Sum of the steps from row to row but for the largest: pauses, strays, and clocks that begin again."""
     spacing_t: float = 0.0
     """Step between neighbouring numbers at the latest time, of times in 32 or fewer bits with fractions; else 0."""
+    finest_t: float = np.inf
+    """Smallest step between rows of different times."""
+    bytes_x: bool = False
+    bytes_y: bool = False
+    """Whether addresses are in 8 bits without a sign."""
     between_pixels: bool = False
     """Whether there are addresses with fractions, as of undistorted events."""
     addresses: AddressCounts = field(default_factory=AddressCounts)
@@ -114,6 +119,7 @@ class TableSummary:
             key = value.decode("latin-1") if isinstance(value, bytes) else value
             key = _key(key) if isinstance(key, str) else float(key)
             self.polarities[key] = self.polarities.get(key, 0) + count
+        self.bytes_x, self.bytes_y = part.x.dtype == np.uint8, part.y.dtype == np.uint8
         self.between_pixels |= has_fractions(part.x) or has_fractions(part.y)
         self.addresses.add(addresses_from_column(part.x), addresses_from_column(part.y))
 
@@ -126,6 +132,7 @@ class TableSummary:
         self.low_t, self.high_t = min(self.low_t, float(low)), max(self.high_t, float(high))
         if count > 1:
             steps = np.abs(np.diff(t.astype(np.float64)))
+            self.finest_t = min(self.finest_t, float(np.min(steps, where=steps > 0, initial=np.inf)))
             self.steps_t += float(np.partition(steps, count - 2 - odd)[: count - 1 - odd].sum())
         if t.dtype.kind == "f" and t.dtype.itemsize <= 4:
             self.spacing_t = max(self.spacing_t, float(np.spacing(np.abs(t).max())))
@@ -233,8 +240,12 @@ def _check_steps(seen: TableSummary, unit: str, report: DecodeReport, where: str
         raise RecordingError(what, got=got, where=where, remedy=remedy)
     if step_us > _FINE_STEP_US:
         report.notes.append(f"{where}: its times are float32, which holds the last ones in steps of {step_us:.3g} us.")
+    between_ms = seen.finest_t * UNITS_US[unit] / 1e3
     if seen.rows > _ALIKE_ROWS and seen.low_t == seen.high_t and not seen.steps_t:
         report.assume(f"{where}: all {seen.rows:,} events have one time, {seen.low_t:.10g}; were the times rounded?")
+    elif 1e3 * between_ms > _LONGEST_STEP_US and seen.rows > _ALIKE_ROWS * (1 + seen.span_t / seen.finest_t):
+        text = f"{seen.rows:,} events have few times, {between_ms:g} ms or more apart; were the times rounded?"
+        report.assume(f"{where}: {text}")
 
 
 def _unit(seen: TableSummary, hint: str | None, unit_from: FactOrigin, report: DecodeReport, where: str) -> str:
