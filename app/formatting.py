@@ -198,7 +198,7 @@ def fact_rows(camera: SourceFacts, *, complete: bool = True) -> list[Row]:
         ("first, last", lasted),
         ("calibration", calibration),
         ("left out", _counted(camera.left_out) if complete else "known after the import"),
-        ("put right", _counted(camera.changed) if complete else "known after the import"),
+        ("corrected", _counted(camera.changed) if complete else "known after the import"),
     ]
 
 

@@ -20,7 +20,7 @@ from app.client_session.file_opening import FileOpening
 from app.client_session.lesson_card import Lessons
 from app.client_session.lesson_checks import LessonFacts, gather_facts
 from app.client_session.opening_moment import OpeningMoment
-from app.client_session.session_page import FrameThrottle
+from app.client_session.session_page import FrameThrottle, opened_view
 from app.client_session.tour import Tour
 from app.control_panel import ControlPanel
 from app.formatting import notice_of
@@ -438,7 +438,7 @@ class Session:
             self._state = self.page.first_state(name, cameras, playhead, self._first_detector, at_ball=opens_us > 0)
         else:
             views = {
-                "tune": replace(self._state.tune, centre_px=None, picked=None, frames=""),
+                "tune": opened_view(self._state.tune, has_ball=self.knows_ball or playhead.live),
                 "watch": replace(self._state.watch, large="", table=TableClicks()),
             }
             self._state = replace(
@@ -450,6 +450,7 @@ class Session:
                 **views,
                 marks_us=(),
             )
+        self._files.show_recording(name)
         if info is not None:
             self._interface.show_info(info)
         self._bar.show_tracks(tracks_of(recording, info))

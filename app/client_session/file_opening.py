@@ -236,6 +236,11 @@ class FileOpening:
         self._begin(_Source(path, path.name))
         return True
 
+    def show_recording(self, name: str) -> None:
+        """Let the page take away the facts of a file once a recording of another name is shown."""
+        if self._last_sent.get("state") == "done" and self._last_sent["name"] != name:
+            self._tell({"state": "left"})
+
     def tick(self) -> None:
         """Send the import's progress."""
         if self._job is not None and self._job.share > self._sent_share + 0.005:
@@ -273,8 +278,8 @@ class FileOpening:
 
     def _list(self) -> None:
         try:
-            missing = missing_samples(self._services.workspace)
-            self._page.send("files", list_message(self._services.files.all(), missing))
+            files = self._services.files.all()
+            self._page.send("files", list_message(files, missing_samples({file.path.name for file in files})))
         except RallyscopeError as error:
             logger.warning("the files cannot be listed: %s", error)
 

@@ -78,6 +78,14 @@ MISSING: Final = "Its recording is not in this workspace."
 Listener = Callable[[Message], None]
 
 
+def opened_view(view: TuneView, *, has_ball: bool) -> TuneView:
+    """Tune's view after another recording was opened: the whole sensor where no ball is known to zoom on.
+
+    The zoom of the recording before would show the middle of the sensor, which is often dark.
+    """
+    return replace(view, centre_px=None, picked=None, frames="", zoom=view.zoom if has_ball else 1.0)
+
+
 class PageSession(Protocol):
     """The session's interface for its page."""
 

@@ -5,7 +5,7 @@ The app fetches nothing. `docs/use/samples.md` says where each public file comes
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Final
@@ -34,7 +34,6 @@ def sample_folders(workspace: Workspace) -> tuple[tuple[Path, str], ...]:
     return (*simulated, (workspace.samples, PUBLIC))
 
 
-def missing_samples(workspace: Workspace) -> tuple[str, ...]:
-    """The public recordings whose file is not in the workspace's folder of samples."""
-    folder = workspace.samples
-    return tuple(name for name, files in PUBLIC_FILES.items() if not any((folder / file).is_file() for file in files))
+def missing_samples(offered: Collection[str]) -> tuple[str, ...]:
+    """The public recordings of which no file is among the offered file names."""
+    return tuple(name for name, files in PUBLIC_FILES.items() if not any(file in offered for file in files))

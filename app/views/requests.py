@@ -248,7 +248,7 @@ def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[WindowAnswer, ...]]
             truth = request.stream.truth if view.show_truth else None
             ink = ball_ink(wrong=wrong)
             _draw_inset(canvas, answer.window, answer, truth, request.look, ink)
-        canvas.caption(f"{request.stream.name}, {view.method}, config {name}: {_when(answer)}")
+        canvas.caption(f"{request.stream.name}, {view.method}, config {name}: {_when(answer, region)}")
         canvases.append(canvas)
     if request.frames is None:
         return lay_out(canvases, request.look.colours, request.look.arrangement), tuple(found)
@@ -302,12 +302,18 @@ def is_wrong(distance_px: float | None) -> bool:
     return distance_px is not None and distance_px > MATCH_RADIUS_PX
 
 
-def _when(answer: WindowAnswer) -> str:
-    """Events of a window, and for when its ball is."""
-    events = f"{len(answer.window.events)} events"
-    if answer.detection is None:
-        return events
-    return f"{events}, ball at {answer.valid_us / 1e3:.3f} ms"
+def _when(answer: WindowAnswer, region: Region) -> str:
+    """Events of a window, and for when its ball is; without one, how many of them a zoomed view shows.
+
+    A view that follows no ball can be dark while the window is full of events.
+    """
+    found, events = answer.detection, answer.window.events
+    text = f"{len(events)} events"
+    if found is not None:
+        return f"{text}, ball at {answer.valid_us / 1e3:.3f} ms"
+    x, y = events.x_px.astype(np.int64) - region.x, events.y_px.astype(np.int64) - region.y
+    shown = np.count_nonzero((x >= 0) & (x < region.width) & (y >= 0) & (y < region.height))
+    return text if shown == len(events) else f"{text}, {shown} in view: Zoom 1 shows all"
 
 
 def window_before(stream: CameraStream, t_us: int, window_us: int) -> Window:

@@ -134,8 +134,8 @@ def chart_columns(data: ChartData) -> dict[str, list[Array]]:
 
 
 def curve_legend_html(run: str, compared: tuple[str, ...], *, several_seeds: bool) -> str:
-    """HTML legend of the runs' colours."""
-    entries = [(OURS, run), (EVALUATED, "fixed balls")]
+    """HTML legend of the runs' colours, and what is drawn across: charts of this width have no room for axis titles."""
+    entries = [(OURS, run), (EVALUATED, "fixed balls, no noise")]
     if several_seeds:
         entries += [(MEAN, "mean of its seeds, 95 % interval (t)"), (SEED, "every seed: mouse over a chart")]
     entries += list(zip(OTHERS, compared, strict=False))
@@ -144,7 +144,8 @@ def curve_legend_html(run: str, compared: tuple[str, ...], *, several_seeds: boo
         f"<span style='white-space:nowrap'><span style='color:{colour}'>●</span> {html_text(name)}</span>"
         for colour, name in entries
     )
-    return f"<div style='font-size:12.5px;padding:6px 12px 0'>{shown}</div>"
+    across = f"<div style='color:{theme.MUTED}'>Across: balls of the training</div>"
+    return f"<div style='font-size:12.5px;padding:6px 12px 0'>{shown}{across}</div>"
 
 
 def _range_of(name: str, curves: list[Array]) -> tuple[float, float]:

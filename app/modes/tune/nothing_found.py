@@ -132,4 +132,5 @@ def nothing_found_html(answer: SampleAnswer) -> str:
         text += f" Most often: {', '.join(shares)}."
     if other is not None:
         text += f" <b>{html_text(other.method)}</b> finds one in {percent(other.share)}."
-    return f"<div style='font-size:12.5px;padding:2px 12px'>{text}</div>"
+    # As high as its letters: what it takes is missing below, where the candidates of the window are.
+    return f"<div style='font-size:12.5px;line-height:15px;padding:0 12px 6px;margin-top:-6px'>{text}</div>"

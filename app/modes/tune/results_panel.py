@@ -149,6 +149,11 @@ PAIR_PX: Final = 400
 """Two answers stand side by side if each gets this width: below the first, the second would be out of sight."""
 REASONS_PX: Final = 130
 """Width of a column of reasons, which would else wrap at each word."""
+LONGEST_IN_COLUMN: Final = 40
+"""Letters of reasons that take two lines in that column; more stand below the figures, across all columns, where they
+take no more lines and leave the other columns in sight."""
+BELOW_PX: Final = 360
+"""Largest width of reasons below the figures of one of two answers: its table is wider than what is in sight."""
 ROWS_PX: Final = 300
 """A residual plot that would leave less to the rows goes below them."""
 
@@ -287,7 +292,8 @@ def candidates_html(
     # Before the figures: in the half of a panel the last columns are reached by scrolling only.
     titles = ("", trace.noun, "verdict", *trace.titles)
     head = table_row(titles, f"{CELL};text-align:left;font-weight:500;color:{theme.MUTED}", tag="th")
-    rows = "".join(_candidate_row(candidate, candidate.label == picked) for candidate in ordered[:LISTED])
+    below_px = BELOW_PX if name else None
+    rows = "".join(_candidate_row(candidate, candidate.label == picked, below_px) for candidate in ordered[:LISTED])
     more = f"<div>and {len(ordered) - LISTED} more</div>" if len(ordered) > LISTED else ""
     label = f"{html_text(name)}: " if name else ""
     plural = "es" if trace.noun.endswith("x") else "s"
@@ -318,18 +324,23 @@ def _reason_html(reason: Reason | ReasonCount) -> str:
     )
 
 
-def _candidate_row(candidate: CandidateRow, picked: bool) -> str:
+def _candidate_row(candidate: CandidateRow, picked: bool, below_px: int | None) -> str:
+    """The row of a candidate; many reasons why it is no ball are a row of their own below it."""
     red, green, blue = palette("orange / blue")[cluster_colour_index(candidate.label)]
     swatch = f"<span style='color:rgb({red},{green},{blue})'>&#9632;</span>"
-    verdict = (
-        reasons_html(candidate.reasons)
-        if candidate.reasons
-        else f"<span style='color:{theme.GOOD}'>{html_text(candidate.verdict)}</span>"
-    )
-    least_px = REASONS_PX if candidate.reasons else 0
-    wrapped = f"<span style='white-space:normal;display:inline-block;min-width:{least_px}px'>{verdict}</span>"
-    cells = (swatch, candidate.label, wrapped, *map(html_text, candidate.figures))
-    return table_row(cells, CELL, row_style="background:rgba(255,140,40,0.25)" if picked else "")
+    reasons, why = reasons_html(candidate.reasons), ""
+    if len("; ".join(one.text for one in candidate.reasons)) > LONGEST_IN_COLUMN:
+        verdict = f"<span style='color:{theme.BAD}'>no ball</span>"
+        width = "" if below_px is None else f"max-width:{below_px}px;"
+        across = f"<td colspan='{len(candidate.figures) + 2}' style='{CELL}'>"
+        why = f"<tr><td></td>{across}<div style='{width}white-space:normal'>{reasons}</div></td></tr>"
+    elif reasons:
+        wrapped = f"white-space:normal;display:inline-block;min-width:{REASONS_PX}px"
+        verdict = f"<span style='{wrapped}'>{reasons}</span>"
+    else:
+        verdict = f"<span style='color:{theme.GOOD}'>{html_text(candidate.verdict)}</span>"
+    cells = (swatch, candidate.label, verdict, *map(html_text, candidate.figures))
+    return table_row(cells, CELL, row_style="background:rgba(255,140,40,0.25)" if picked else "") + why
 
 
 PLOT_PX: Final = (250, 70)

@@ -113,7 +113,8 @@ def draw_scatter(
     done, png = cv2.imencode(".png", picture[:, :, ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 1])
     assert done
     lost = len(rows) - len(drawn)
-    words = f"{lost:,} without a known {title_of(axes.x)} or {title_of(axes.y)}" if lost else ""
+    named = " or ".join(dict.fromkeys(title_of(axis).partition(",")[0] for axis in (axes.x, axes.y)))  # without units
+    words = f"{lost:,} not drawn: {named} not known" if lost else ""
     legend = f"{colours}<div>{muted(html_text(words))}</div>" if words else colours
     return BallScatter(png.tobytes(), drawn, places_px, legend)
 

@@ -99,6 +99,7 @@
     } else work(null);
     if (message.problem) { open(); say(message.file && message.state === "failed" ? `${message.file}: ${message.problem}` : message.problem); }
     if (message.state === "done") { dialog.close(); showFacts(message); }
+    if (message.state === "left") card.hidden = true; // they would stand over the figures of another recording
   };
   rallyscope.handlers.files_dialog = (message) => { if (message.number > asked) { asked = message.number; open(); } };
 

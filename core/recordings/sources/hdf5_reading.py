@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -68,4 +69,7 @@ def explain(error: Exception) -> str:
     text = " ".join(str(error).split())
     if "filter" in text or "plugin" in text:
         return f"its compression needs a plug-in (pip install 'rallyscope[dsec]'): {text}"
+    # libhdf5: "truncated file: eof = SIZE, sblock->base_addr = 0, stored_eof = WHOLE"
+    if (cut := re.search(r"truncated file: eof = (\d+).* stored_eof = (\d+)", text)) is not None:
+        return f"{int(cut[1]):,} of its {int(cut[2]):,} bytes: it was cut short, so copy it again"
     return text

@@ -3,6 +3,7 @@
 import base64
 from pathlib import Path
 
+from app.state.commands import SetZoom
 from core.files import PREFIX
 from tests.app.shared.event_files import write_csv, write_npz
 from tests.waiting import eventually
@@ -86,7 +87,19 @@ def a_file_of_the_servers_folders_is_found_and_opened_by_keyboard(window, lab, t
     assert window.state.mode == "Watch" and not window.state.playhead.playing, "the dialog keeps its keys"
 
 
+def what_was_said_of_the_file_goes_with_another_recording_and_its_zoom_stays_behind(window) -> None:
+    assert window.page.locator("#rallyscope-opened").is_visible()
+    window.choose("Recording", "serve")
+    eventually(lambda: window.state.recording == "serve", "the other recording")
+    window.page.locator("#rallyscope-opened").wait_for(state="hidden")
+    window.session.send(SetZoom(6.0))
+    window.choose("Recording", "clip-7")
+    eventually(lambda: window.state.recording == "clip-7", "the file again")
+    assert window.state.tune.zoom == 1.0, "no ball is known in it"
+
+
 def test_files_are_refused_found_and_dropped(window, lab, workspace, tmp_path: Path) -> None:
     a_bad_file_is_one_line_and_the_recording_stays(window, workspace)
     a_file_of_the_servers_folders_is_found_and_opened_by_keyboard(window, lab, tmp_path)
     a_file_that_is_dropped_is_sent_imported_described_and_open(window, workspace, tmp_path)
+    what_was_said_of_the_file_goes_with_another_recording_and_its_zoom_stays_behind(window)

@@ -176,6 +176,7 @@ def test_a_check_says_what_the_file_holds_and_writes_nothing(tmp_path, csv, caps
         "events       3,000: 1,500 ON, 1,500 OFF",
         "first, last  7,000,000 us to 7,029,990 us on its own clock",
         "left out     nothing",
+        "corrected    nothing",
     ):
         assert f"  {line}\n" in out
     assert "assumed:     events.csv does not name its sensor size; 304x240 is assumed from the events.\n" in out

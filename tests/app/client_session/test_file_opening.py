@@ -129,6 +129,20 @@ def test_a_file_of_the_list_is_imported_described_and_opened(opening, page, serv
     assert str(folder) not in str(page.told), "no path of the server is told"
 
 
+def test_what_was_said_of_a_file_is_taken_away_once_another_recording_is_shown(opening, page, folder) -> None:
+    write_npz(folder / "clip.npz")
+    page.ask(do="open", key=listed(page)[0][0])
+    accept(page)
+    page.run_until(lambda: page.opened)
+    opening.show_recording("clip")
+    assert page.state["state"] == "done"
+    opening.show_recording("demo")
+    assert page.state["state"] == "left"
+    told = len(page.told["opening"])
+    opening.show_recording("clip")
+    assert len(page.told["opening"]) == told
+
+
 def test_what_a_damaged_file_lost_is_said(opening, page, services) -> None:
     path = received(services, "cut.raw")
     header = b"% evt 3.0\n% format EVT3;height=720;width=1280\n% end\n"

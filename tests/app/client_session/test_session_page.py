@@ -8,10 +8,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from app.client_session.session_page import FEW_EVERY_S, FrameThrottle, SessionPage
+from app.client_session.session_page import FEW_EVERY_S, FrameThrottle, SessionPage, opened_view
 from app.shared.workspace import Workspace
 from app.state.browser_memory import BrowserMemory
-from app.state.client_state import ClientState, Configs, History, Playhead
+from app.state.client_state import ClientState, Configs, History, Playhead, TuneView
 from app.state.commands import Command, Seek, SetMode
 from app.web.pages import Message, PageConnection
 from core.detection import DetectorConfig
@@ -89,3 +89,9 @@ def test_back_changes_the_mode_before_what_was_asked_for_after_it(tmp_path: Path
         while inbox:
             inbox.pop(0)()
     assert done == [SetMode("Label"), Seek(1)]
+
+
+def test_tune_shows_the_whole_sensor_of_another_recording_unless_its_ball_is_known() -> None:
+    before = TuneView(zoom=6.0, centre_px=(3.0, 4.0), method="ebpp")
+    assert opened_view(before, has_ball=True) == TuneView(zoom=6.0, method="ebpp")
+    assert opened_view(before, has_ball=False) == TuneView(zoom=1.0, method="ebpp")

@@ -1,5 +1,6 @@
 """What a zoomed view of Tune shows, and what it says of a ball that a setting rejects."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -71,6 +72,17 @@ def test_the_caption_says_for_when_the_ball_is(stream: CameraStream, method: Met
     assert answer.detection is not None
     captions = [text.text for text in sheet.texts if f"{method}, config A" in text.text]
     assert [f"ball at {answer.valid_us / 1e3:.3f} ms" in caption for caption in captions] == [True]
+
+
+def test_a_zoomed_view_without_a_ball_says_how_many_events_it_does_not_show(stream: CameraStream) -> None:
+    corner = (0.0, 0.0)  # a quarter of the view is on the sensor
+    sheet, (answer,) = render_tune(request(stream, TOO_LARGE, corner))
+    assert answer.detection is None
+    (caption,) = (text.text for text in sheet.texts if "config A" in text.text)
+    events, shown = map(int, re.findall(r"(\d+) (?:events|in view)", caption))
+    assert shown < events == len(answer.window.events) and caption.endswith("Zoom 1 shows all")
+    whole, _ = render_tune(replace(request(stream, TOO_LARGE), view=replace(ZOOMED, zoom=1.0)))
+    assert not any("in view" in text.text for text in whole.texts)
 
 
 def test_the_view_of_a_method_without_stages_stays_too(stream: CameraStream) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import h5py
 import numpy as np
 import pytest
 
@@ -129,6 +130,17 @@ def test_what_is_no_event_file_is_refused_in_one_clear_line(tmp_path, data, mess
     with pytest.raises(RecordingError, match=message) as caught:
         open_recording(path)
     assert "\n" not in str(caught.value)
+
+
+def test_an_hdf5_file_that_was_cut_short_says_how_much_of_it_is_there(tmp_path):
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["events"] = np.arange(10_000)
+    whole = path.stat().st_size
+    with path.open("r+b") as file:
+        file.truncate(whole - 5_000)
+    with pytest.raises(RecordingError, match=f"got {whole - 5_000:,} of its {whole:,} bytes: it was cut short"):
+        open_recording(path)
 
 
 def test_a_missing_file_is_one_clear_line(tmp_path):

@@ -1,6 +1,7 @@
 """What Tune says of one window, and of the stages that led to it."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from app.modes.tune.results_panel import candidates_html, side_by_side_html
 from app.modes.tune.settings import count_html
 from core.detection.method_trace import CandidateRow, MethodTrace, StageCount, View
+from core.detection.reasons import Reason
 
 
 def make_trace(rows: int) -> MethodTrace:
@@ -39,6 +41,21 @@ def test_figures_have_a_gap_and_stay_on_one_line() -> None:
 def test_the_verdict_stands_before_the_figures() -> None:
     html = candidates_html("", make_trace(1))
     assert html.index("verdict") < html.index("points") and html.rindex(">ball<") < html.index(">7<")
+
+
+def rejected_html(reasons: int, name: str = "") -> str:
+    reason = Reason("coverage of one edge 0.125 < 0.25", "edge coverage min")
+    trace = make_trace(1)
+    row = replace(trace.candidates[0], reasons=(reason,) * reasons)
+    return candidates_html(name, replace(trace, candidates=(row,)))
+
+
+def test_many_reasons_stand_below_the_figures_and_leave_the_columns_in_sight() -> None:
+    one, many = rejected_html(1), rejected_html(6)
+    assert one.count("<tr") == 2 and "colspan" not in one
+    assert many.count("<tr") == 3 and many.count("<a href") == 6
+    assert many.index(">no ball<") < many.index(">7<") < many.index("colspan='3'") < many.index("<a href")
+    assert "max-width" not in many and "max-width" in rejected_html(6, "Config A"), "the half of a panel is narrow"
 
 
 def test_two_answers_stand_side_by_side_and_do_not_overlap_where_they_wrap() -> None:

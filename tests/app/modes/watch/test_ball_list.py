@@ -80,7 +80,7 @@ def test_a_name_from_a_file_is_text() -> None:
 def test_conditions_select_and_half_of_one_is_refused() -> None:
     found = index_of([BallRow(kind="flight", number=n, speed_mps=float(n), method="truth") for n in range(20)])
     assert view_balls(BallQuery(found, "speed_mps=3..5")).rows.tolist() == [3, 4, 5]
-    assert "<b>20</b> of 20 events, 13 to 20 shown" in view_balls(BallQuery(found, "", first=999)).count
+    assert "<b>20</b> of 20 rows, 13 to 20 shown" in view_balls(BallQuery(found, "", first=999)).count
     with pytest.raises(ConfigError, match="not a condition"):
         view_balls(BallQuery(found, "speed_m"))
 
@@ -93,7 +93,10 @@ def test_points_and_table_show_the_same_and_a_lasso_narrows_the_table_alone() ->
     view = view_balls(BallQuery(found, "number=5..", selected=np.array([2, 7, 9])))
     assert view.scatter.rows.tolist() == list(range(5, 20)), "what has no speed has no place"
     assert view.rows.tolist() == [7, 9] and view.table.count("<a ") == 2
-    assert "1 without a known speed" in view.scatter.legend and "data-rallyscope-balls" in scatter_html(view)
+    assert (
+        "1 not drawn: speed or height at the net not known" in view.scatter.legend
+        and "data-rallyscope-balls" in scatter_html(view)
+    )
     assert link_of_row(BallQuery(found, "", mode="Tune"), 7) == moment_link("demo", "Tune", 7)
 
 
