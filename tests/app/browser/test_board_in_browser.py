@@ -8,6 +8,7 @@ from core.cameras.calibration.coverage import cells_of
 from core.live.replay_source import ReplaySource
 from core.recordings import open_recording
 from tests.app.blinking_board import BOARD, POSES_M, SENSOR, blink, points_px
+from tests.app.browser.window import choose_in
 from tests.waiting import eventually
 
 
@@ -23,8 +24,7 @@ def test_a_blinking_board_is_found_live_and_the_parts_without_one_are_framed(chr
             page.get_by_text("Board for the lens", exact=True).click()
             page.get_by_label("Search the board").check()
             page.get_by_text("is it blinking").nth(1).wait_for()  # it looks for a chessboard of 6 x 9
-            page.get_by_label("Pattern").click()
-            page.get_by_role("option", name="dots").click()
+            choose_in(page.get_by_label("Pattern"), "dots", exact=False)
             eventually(lambda: window.state.watch.board.board.kind == "dots", "dots to be chosen")
             for name, value in (("Rows", BOARD.rows), ("Columns", BOARD.columns)):
                 window.fill(page.get_by_label(name, exact=True), str(value))

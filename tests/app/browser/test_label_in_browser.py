@@ -18,7 +18,7 @@ from labels.conflicts import how_settled
 from labels.contacts import contacts_of_truth
 from labels.model import LabelState, PositionSource
 from labels.store import LabelStore, Layer
-from tests.app.browser.window import Window, count_like
+from tests.app.browser.window import Window, choose_in, count_like
 from tests.waiting import PATIENCE_S, eventually
 
 BALL_US = 300_000
@@ -531,8 +531,7 @@ def test_two_who_disagree_are_shown_side_by_side_and_keys_settle_it(
     eventually(lambda: names[1] in mode._comparer.offered, "the other annotator in the list")
     page = labelling.page
     page.get_by_text("Compare and merge").click()
-    page.get_by_label("Compare with").first.click()
-    page.get_by_role("option", name=names[1], exact=True).click()
+    choose_in(page.get_by_label("Compare with").first, names[1])
     page.get_by_text("0 of 3 settled").wait_for()
     page.mouse.click(*labelling.on_sheet(1200, -10))
     labelling.keys("8", "Shift+N")  # from the last: round to the first

@@ -27,7 +27,7 @@ from core.physics.episode import Case
 from core.recordings import open_recording
 from labels.model import LabelState
 from labels.store import find_layers
-from tests.app.browser.window import count_like
+from tests.app.browser.window import choose_in, count_like
 from tests.app.modes.train.small_runs import small_run
 from tests.waiting import eventually
 
@@ -304,8 +304,7 @@ def the_scene_is_chosen_in_the_browser_and_its_people_are_in_the_pictures(live_w
         counts = rally.recording.cameras["right"].counts_per_ms()[since_us // 1000 :]
         return float(np.median(counts)) if len(counts) > 200 else 0.0
 
-    live_window.page.get_by_label("Scene").first.click()
-    live_window.page.get_by_role("option", name="two-persons").click()
+    choose_in(live_window.page.get_by_label("Scene").first, "two-persons", exact=False)
     eventually(lambda: rally.state.scene == "two-persons", "the simulation to change the scene")
     since_us = rally.state.t_us
     eventually(lambda: median_events(since_us) > 400, "people's events: without them it is noise most of the time")

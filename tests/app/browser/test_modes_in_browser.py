@@ -17,6 +17,7 @@ from core.history.rally_picture import LandingSpot
 from core.physics.episode import Case
 from labels.model import Label, LabelState
 from labels.store import LabelStore
+from tests.app.browser.window import choose_in
 from tests.app.export.rrd.rerun_viewer import entities, viewer
 from tests.waiting import eventually
 
@@ -60,8 +61,7 @@ def test_labels_are_exported_and_the_detector_is_scored_against_them(window, wor
     eventually(lambda: label._editor is not None, "Label")
     window.session.later(lambda: label._use_name("anna"))
     eventually(lambda: len(label._editor.labelling.here.labels) == 15, "the labels")
-    page.get_by_label("Format", exact=True).first.click()
-    page.get_by_role("option", name="COCO").click()
+    choose_in(page.get_by_label("Format", exact=True).first, "COCO", exact=False)
     with page.expect_download() as waiting:
         window.press("Download labels")
     waiting.value.save_as(tmp_path / "labels.zip")

@@ -14,7 +14,7 @@ from app.scene.prediction import CASE_RGB
 from app.server import App
 from app.shared.trainer import RunState, Trainer
 from core.physics.episode import Case
-from tests.app.browser.window import count_like, open_page, wait_until_sent
+from tests.app.browser.window import choose_in, count_like, open_page
 from tests.app.modes.train.conftest import train_here
 from tests.app.modes.train.small_runs import small_run
 from tests.waiting import eventually
@@ -41,9 +41,7 @@ def enter(window) -> TrainMode:
 
 def pick(window, label: str, option: str) -> None:
     """Choose from a dropdown."""
-    window.page.get_by_label(label, exact=True).first.click()
-    window.page.get_by_role("option", name=option).click()
-    wait_until_sent(window.page)
+    choose_in(window.page.get_by_label(label, exact=True).first, option, exact=False)
 
 
 def start(window, name: str, balls: int) -> None:

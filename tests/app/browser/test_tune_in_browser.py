@@ -11,7 +11,7 @@ from app.state.commands import SetMethod, SetOverlay, SetZoom, UseConfig
 from core.config import get_setting
 from core.detection import DetectorConfig, refined_config
 from core.detection.saved import load_detector
-from tests.app.browser.window import count_like, wait_until_sent
+from tests.app.browser.window import choose_in, count_like, wait_until_sent
 from tests.waiting import eventually
 
 YELLOW, GREEN = (255, 225, 60), (165, 225, 40)
@@ -218,8 +218,7 @@ def a_config_is_saved_under_a_plain_name_and_loads_again(tune, workspace) -> Non
     assert load_detector(path).config != DetectorConfig(), "nothing is overwritten"
     assert len(list(path.parent.glob("my-config*.toml"))) == 3
     eventually(lambda: tune.field("Saved").input_value() == "my-config-2", "the choice of the second")
-    tune.page.get_by_label("Saved").first.click()
-    tune.page.get_by_role("option", name="my-config", exact=True).click()
+    choose_in(tune.page.get_by_label("Saved").first, "my-config")
     tune.press("Load")
     eventually(lambda: get_setting(tune.state.config, RADIUS_MAX) == 17, "the loaded config")
 
@@ -328,9 +327,7 @@ def tuning_against_labels_that_there_are_not_says_so(tune) -> None:
 def choose(tune, label: str, option: str) -> None:
     """Choose in the dropdown of that label."""
     labelled = tune.page.locator("label").filter(has_text=re.compile(f"^{label}$"))
-    labelled.locator("xpath=ancestor::*[.//input][1]").locator("input").first.click()
-    tune.page.get_by_role("option", name=option, exact=True).click()
-    wait_until_sent(tune.page)
+    choose_in(labelled.locator("xpath=ancestor::*[.//input][1]").locator("input").first, option)
 
 
 def click_all(tune, *labels: str) -> None:

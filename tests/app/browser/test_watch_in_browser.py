@@ -4,7 +4,7 @@ import pytest
 
 from app.state.client_state import ClientState
 from app.state.commands import SetPlaybackSpeed
-from tests.app.browser.window import count_like
+from tests.app.browser.window import choose_in, count_like
 from tests.waiting import eventually
 
 YELLOW, ORANGE, BLUE = (255, 225, 60), (255, 150, 50), (80, 150, 255)
@@ -82,8 +82,7 @@ def an_event_file_in_the_folder_is_offered_and_imported_when_it_is_opened(window
 
 def a_file_that_is_no_recording_is_reported_and_nothing_is_lost(window) -> None:
     before: ClientState = window.state
-    window.page.get_by_label("Recording").first.click()
-    window.page.get_by_role("option", name="broken", exact=True).click()
+    choose_in(window.page.get_by_label("Recording").first, "broken")
     window.page.get_by_text("The text is not events").first.wait_for()
     chosen = window.page.get_by_label("Recording").first
     eventually(lambda: chosen.input_value() == "serve", "the choice to be the open recording again, after the message")
@@ -94,8 +93,7 @@ def a_file_that_is_no_recording_is_reported_and_nothing_is_lost(window) -> None:
 
 def the_look_of_the_pictures_can_be_changed(window) -> None:
     window.seek(BALL_US)
-    window.page.get_by_label("ON / OFF").first.click()
-    window.page.get_by_role("option", name="red / green").click()
+    choose_in(window.page.get_by_label("ON / OFF").first, "red / green")
     eventually(lambda: window.state.look.colours == "red / green", "other colours")
     window.wait_for_pixels(
         "red-green", lambda canvas: count_like(canvas, BLUE) < 20 < count_like(canvas, (255, 80, 80))

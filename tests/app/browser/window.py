@@ -273,9 +273,25 @@ def wait_until_sent(page: Page) -> None:
 
 def choose(page: Page, label: str, option: str) -> None:
     """Choose in the dropdown of exactly that label, and return once the page has sent it."""
-    page.get_by_label(label, exact=True).first.click()
-    page.get_by_role("option", name=option, exact=True).click()
-    wait_until_sent(page)
+    choose_in(page.get_by_label(label, exact=True).first, option)
+
+
+def choose_in(box: Locator, option: str, exact: bool = True) -> None:
+    """Choose in a dropdown, and return once the page has sent it.
+
+    A panel that is drawn anew closes a list that was just opened; whoever sees that opens it again. A click on an open
+    one leaves it open.
+    """
+    wanted = box.page.get_by_role("option", name=option, exact=exact)
+
+    def list_open() -> bool:
+        if not wanted.is_visible():
+            box.click()
+        return wanted.is_visible()
+
+    eventually(list_open, f"the option {option}")
+    wanted.click()
+    wait_until_sent(box.page)
 
 
 def save_screenshot(page: Page, name: str) -> np.ndarray:
