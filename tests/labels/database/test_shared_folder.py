@@ -18,13 +18,30 @@ from benchmarks.labels.durability import LAYER, UUID, trial_label
 from core.errors import LabelError
 from labels.database import file_system, snapshot, write_lease
 from labels.database.connection import transaction
-from labels.database.write_lease import LeaseTimes, WriteLease, lease_path
+from labels.database.write_lease import TIMES, LeaseTimes, WriteLease, lease_path
 from labels.store import LabelStore, find_layers
 from labels.store_registry import LabelStoreRegistry
 from tests.waiting import eventually
 
-QUICK = LeaseTimes(renew_s=0.03, stale_s=0.3, settle_s=0.05)
 PATIENT = LeaseTimes(renew_s=0.03, stale_s=3600.0, settle_s=0.05)
+
+
+class Clock:
+    """Stands still but while somebody sleeps, so that a lease gets stale by no pause of the machine."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+
+    def sleep(self, seconds: float) -> None:
+        self.now_s += seconds
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    monkeypatch.setattr(write_lease, "time", clock)
+    monkeypatch.setattr(write_lease, "_now_s", lambda: clock.now_s)
+    return clock
 
 
 @pytest.fixture(autouse=True)
@@ -148,11 +165,12 @@ def test_a_store_with_a_log_is_taken_over_with_all_that_stands_in_it(
     assert [path.name for path in store.path.parent.iterdir()] == ["labels.sqlite"]
 
 
-def test_a_lease_that_nobody_renews_is_taken_over(tmp_path: Path) -> None:
+def test_a_lease_that_nobody_renews_is_taken_over(tmp_path: Path, clock: Clock) -> None:
     store = LAYER.path(tmp_path)
     old = foreign_lease(store)
-    lease = WriteLease(store, QUICK)
+    lease = WriteLease(store)
     lease.take()
+    assert clock.now_s >= TIMES.stale_s + TIMES.settle_s
     assert lease.is_held and lease.path.read_bytes() != old and len(lease.path.read_bytes()) == 512
     lease.release()
     assert not lease.path.exists()
@@ -201,13 +219,13 @@ def test_a_machine_that_slept_goes_on_if_nobody_came(tmp_path: Path, monkeypatch
 
 
 @pytest.mark.parametrize("content", [b"", b"nonsense", b"[1]", b'{"process": "x", "machine": 5}'])
-def test_a_lease_that_says_nothing_is_waited_for_like_any_other(tmp_path: Path, content: bytes) -> None:
+def test_a_lease_that_says_nothing_is_waited_for_like_any_other(tmp_path: Path, content: bytes, clock: Clock) -> None:
     store = LAYER.path(tmp_path)
     store.parent.mkdir(parents=True)
     lease_path(store).write_bytes(content)
-    lease = WriteLease(store, QUICK)
+    lease = WriteLease(store)
     lease.take()
-    assert lease.is_held
+    assert lease.is_held and clock.now_s >= TIMES.stale_s
     lease.release()
 
 
