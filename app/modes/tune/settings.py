@@ -315,7 +315,8 @@ class TuneViewPanel:
         self._changed.content = stage_counts_html(html_text(words))
         self._compare.value = state.tune.compare
         self._frames.visible = bool(state.titled_frames) and self._compare.visible
-        self._frames.offer((NO_FRAMES, *state.titled_frames))
+        # A camera may be called so, too, and the page takes no option twice.
+        self._frames.offer(tuple(dict.fromkeys((NO_FRAMES, *state.titled_frames))))
         self._frames.show(state.tune.frames or NO_FRAMES)
 
     def show_note(self, text: str) -> None:
