@@ -59,9 +59,12 @@ def in_control_words(details: str) -> str:
     return f'"{field_words(of_class[1])}"{rest}'
 
 
-def size_text(size: int) -> str:
-    """Readable text of a number of bytes."""
-    return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{max(1, round(size / 1e3))} kB"
+def size_text(size_bytes: int) -> str:
+    """Readable text of a number of bytes, in the largest unit that it fills, with two digits or more."""
+    for unit, bytes_ in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if size_bytes >= bytes_:
+            return f"{size_bytes / bytes_:.{0 if size_bytes >= 10 * bytes_ else 1}f} {unit}"
+    return f"{size_bytes} bytes"
 
 
 def html_text(text: str, most: int = LONGEST) -> str:

@@ -3,36 +3,29 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
-import json
 import re
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from math import isnan
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
 from app.cli.arguments import PositiveInt, flag, positional
-from app.cli.detector_arguments import DetectorArguments
 from app.cli.labels_contacts import run_contacts
 from app.cli.labels_layer import Labelled, LayerArguments, read_layer
+from app.cli.labels_merge import run_merge
 from app.cli.labels_score import run_score
+from app.cli.labels_shift import run_shift
 from app.cli.progress import progress_bar
-from app.cli.terminal import json_ready, print_lines, say
 from app.modes.label.label_files import LabelFilesRequest, write_label_files
 from app.modes.label.sources import LabelSource
-from core.detection import make_detector
 from core.errors import CommandError, LabelError
-from core.metrics import run_detector
 from labels.agreement import Agreement, PositionAgreement, measure_agreement
-from labels.assist.label_shift import LabelShift, find_label_shift
-from labels.conflicts import WITHIN_PX, LabelConflict
 from labels.contacts import (
     ContactAgreement,
-    ContactConflict,
     match_contacts,
     measure_contact_agreement,
     new_contacts,
@@ -41,8 +34,6 @@ from labels.formats import FORMATS, ExportOptions
 from labels.formats.import_check import ImportChoices, import_context, import_labels
 from labels.formats.import_report import ImportReport, describe_label, report_of
 from labels.formats.picture_times import FrameTimes, read_frame_times
-from labels.merging import MergedStores, merge_stores
-from labels.model import Label
 from labels.store import LabelStore, Layer, find_layers
 
 MAX_REASONS = 4
@@ -329,137 +320,6 @@ def _source_line(name: str, group: PositionAgreement) -> str:
     return (
         f"{title}: median {group.median_px:.2f} px, p95 {group.p95_px:.2f}, sigma of one {group.sigma_px:.2f} px{same}"
     )
-
-
-MAX_SHOWN: Final = 20
-"""Conflicts printed one by one; `--json` has them all."""
-
-
-def _distance(text: str) -> float:
-    value = float(text)
-    if not 0 <= value < float("inf"):
-        raise ValueError(text)
-    return value
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LabelMergeArguments:
-    """Merge label stores of one recording. Labels on which annotators disagree are listed and left out."""
-
-    stores: tuple[Path, ...] = positional("a labels.sqlite, or the folder that holds it", "STORE")
-    out: Path = flag("the new store", "FILE.sqlite")
-    within_px: Annotated[float, _distance] = flag("centres farther apart are a conflict", "PX", WITHIN_PX)
-    prefer: str | None = flag("whose labels to take in conflicts", "NAME", "nobody's")
-    json: bool = flag("print the result as JSON")
-
-
-def run_merge(arguments: LabelMergeArguments) -> None:
-    """Merge, and say what was left out."""
-    merged = merge_stores(arguments.stores, arguments.out, within_px=arguments.within_px, prefer=arguments.prefer)
-    if arguments.json:
-        say(json.dumps(json_ready({**asdict(merged), "out": str(arguments.out)})))
-    else:
-        print_lines(_lines(merged, arguments))
-
-
-def _lines(merged: MergedStores, arguments: LabelMergeArguments) -> list[str]:
-    lines = [
-        f"{merged.labels} labels merged into {arguments.out}; {_counted(len(merged.conflicts), 'conflict')}, "
-        f"{_counted(merged.left_out, 'label')} left out; {merged.superseded} replaced by later labels of the same "
-        "annotator"
-    ]
-    if merged.settled:
-        lines.append(f"{merged.settled} conflicts were settled in Label: the label that settles each was taken")
-    if merged.contacts or merged.contact_conflicts:
-        lines.append(f"{merged.contacts} contacts merged; {len(merged.contact_conflicts)} in conflict")
-    lines += [_contact_conflict_line(conflict) for conflict in merged.contact_conflicts[:MAX_SHOWN]]
-    lines += [_conflict_line(conflict) for conflict in merged.conflicts[:MAX_SHOWN]]
-    more = len(merged.conflicts) - MAX_SHOWN
-    return [*lines, *([f"... and {more} more, see --json"] if more > 0 else []), *merged.notes]
-
-
-def _counted(count: int, thing: str) -> str:
-    return f"{count} {thing}" + ("" if count == 1 else "s")
-
-
-def _contact_conflict_line(conflict: ContactConflict) -> str:
-    each = zip(conflict.annotators, conflict.kinds, conflict.times_us, strict=True)
-    return f"{conflict.camera} contact: " + "; ".join(f"{name}: {kind} at {t_us} us" for name, kind, t_us in each)
-
-
-def _conflict_line(conflict: LabelConflict) -> str:
-    where = f"{conflict.camera} {conflict.t_us} us"
-    states_text = "; ".join(
-        f"{name}: {state}" for name, state in zip(conflict.annotators, conflict.states, strict=True)
-    )
-    apart = "" if conflict.distance_px is None else f"; {conflict.distance_px:.2f} px apart"
-    return f"{where}: {states_text}{apart}"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LabelShiftArguments:
-    """Measure by how much labels are shifted, in time and in pixels, from what a detector finds in the events."""
-
-    layer: LayerArguments
-    detector: DetectorArguments
-    apply: bool = flag("store the moved labels as those of an annotator NAME-shifted")
-
-
-def run_shift(arguments: LabelShiftArguments) -> None:
-    """Measure, and move the labels if that is asked for."""
-    layer = arguments.layer
-    method, config, window_us = arguments.detector.settings()
-    with layer.open() as (recording, stream):
-        if isinstance(stream, LabelSource):
-            raise CommandError("pictures have no events to compare with", got=stream.name, where="--camera")
-        store = read_layer(layer, recording, stream)
-        labels = store.labels()
-        labels = labels.rows(labels.seen)
-        with progress_bar("Detecting") as progress:
-            detector = make_detector(method, stream.sensor, config)
-            answers = run_detector(stream, detector, window_us, progress=progress)
-        found = answers.rows(answers.detected)
-        placed, seen = (np.stack(pair, axis=1) for pair in ((labels.x_px, labels.y_px), (found.u_px, found.v_px)))
-        shift = find_label_shift(labels.t_us, placed, found.t_us, seen)
-        lines = _shift_lines(shift)
-        report: dict[str, object] = {**dataclasses.asdict(shift), "is_zero": shift.is_zero, "applied_as": None}
-        if arguments.apply:
-            if not shift.found:
-                raise CommandError("no shift was found to apply", got=shift.reason)
-            # Under another name: what a person placed stays as it is.
-            name = f"{store.layer.annotator}-shifted"
-            moved = [one for label in store.all() if (one := _moved(label, shift)) is not None]
-            tool = f"rallyscope {version('rallyscope')}"
-            with LabelStore.open(layer.folder, recording.uuid, stream.name, name, tool=tool) as target:
-                if len(target.labels()):
-                    raise CommandError("there are moved labels already", got=name, where="--apply")
-                target.edit(put=moved)
-            report["applied_as"] = name
-            lines.append(f"{len(moved)} labels moved, as those of {name!r}")
-    layer.tell(report, lines)
-
-
-def _moved(label: Label, shift: LabelShift) -> Label | None:
-    """A label at the time and place of the events; None before the start of the recording."""
-    t_us = label.t_us + round(shift.dt_us)
-    if t_us < 0:
-        return None
-    if label.x_px is None or label.y_px is None:
-        return dataclasses.replace(label, t_us=t_us)
-    return dataclasses.replace(label, t_us=t_us, x_px=label.x_px + shift.du_px, y_px=label.y_px + shift.dv_px)
-
-
-def _shift_lines(shift: LabelShift) -> list[str]:
-    if not shift.found:
-        return [f"no shift found: {shift.reason}"]
-    measured = (
-        f"{shift.dt_us / 1000:+.2f} ms (+-{shift.sigma_us / 1000:.2f}), "
-        f"{shift.du_px:+.2f} {shift.dv_px:+.2f} px (+-{shift.sigma_px:.2f}), "
-        f"confidence {shift.confidence:.2f}, {shift.answers} detections"
-    )
-    if shift.is_zero:
-        return [f"the labels fit the events: {measured}"]
-    return [f"move the labels by {measured}", "--apply stores the moved labels beside these"]
 
 
 ACTS = {

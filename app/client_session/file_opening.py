@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from app.background.jobs import Job, Progress
-from app.formatting import fact_rows, notice_of
+from app.formatting import fact_rows, notice_of, size_text
 from app.modes.services import Services
 from app.shared.files import OfferedFile, OpeningChoices, bring_in, look_at
 from app.shared.samples import PAGE, missing_samples
@@ -139,14 +139,6 @@ def problem_message(source: str, path: Path, error: RallyscopeError) -> Message:
     title, details = notice_of(error)
     details = details.replace(str(path), source).removeprefix(source).lstrip("; ")
     return {"state": "failed", "file": source, "problem": ": ".join(part for part in (title, details) if part)}
-
-
-def size_text(size_bytes: int) -> str:
-    """Readable text of a size."""
-    for unit, bytes_ in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
-        if size_bytes >= bytes_:
-            return f"{size_bytes / bytes_:.{0 if size_bytes >= 10 * bytes_ else 1}f} {unit}"
-    return f"{size_bytes} bytes"
 
 
 def _extras(recording: Recording) -> list[Json]:

@@ -6,23 +6,11 @@ import sqlite3
 from typing import Final
 
 from core.errors import LabelError
-from labels.database.rows import Values, provenance_of, values_of_provenance
+from labels.database.rows import PROVENANCE_COLUMNS, Values, provenance_of, values_of_provenance
 from labels.database.schema import holds_contacts
 from labels.model import ContactKind, ContactLabel
 
-CONTACT_COLUMNS: Final = (
-    "kind",
-    "sigma_us",
-    "source",
-    "annotator",
-    "made_at_us",
-    "tool",
-    "detector",
-    "window_start_us",
-    "window_end_us",
-    "rendering",
-    "time_spent_ms",
-)
+CONTACT_COLUMNS: Final = ("kind", "sigma_us", *PROVENANCE_COLUMNS)
 """What a change says of its time, in order."""
 NO_CONTACT: Final[Values] = (None,) * len(CONTACT_COLUMNS)
 """The change that takes a contact away, or a rejection back."""

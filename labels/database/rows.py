@@ -13,14 +13,7 @@ from labels.arrays import SOURCES, STATES, LabelArrays, arrays_of_columns
 from labels.model import Label, LabelState, PositionSource, Provenance
 
 Values = tuple[str | float | int | None, ...]
-COLUMNS: Final = (
-    "state",
-    "x_px",
-    "y_px",
-    "r_px",
-    "cov_xx_px2",
-    "cov_xy_px2",
-    "cov_yy_px2",
+PROVENANCE_COLUMNS: Final = (
     "source",
     "annotator",
     "made_at_us",
@@ -31,6 +24,8 @@ COLUMNS: Final = (
     "rendering",
     "time_spent_ms",
 )
+"""What `values_of_provenance` gives, in order: how a label of a ball or of a contact came about."""
+COLUMNS: Final = ("state", "x_px", "y_px", "r_px", "cov_xx_px2", "cov_xy_px2", "cov_yy_px2", *PROVENANCE_COLUMNS)
 """What a change says of its time, in order."""
 NO_LABEL: Final[Values] = (None,) * len(COLUMNS)
 """The change that makes a time unchecked again."""

@@ -2,7 +2,16 @@
 
 import pytest
 
-from app.formatting import GLOSSARY, LONGEST_TITLE, field_words, notice_of, percent, share_text, with_dashes_explained
+from app.formatting import (
+    GLOSSARY,
+    LONGEST_TITLE,
+    field_words,
+    notice_of,
+    percent,
+    share_text,
+    size_text,
+    with_dashes_explained,
+)
 from app.panels.field_control import field_label
 from core.config import FieldSpec
 from core.detection.stages.localise import LocaliseConfig
@@ -30,6 +39,13 @@ def test_a_setting_is_called_what_its_slider_is_called() -> None:
     assert title == "No radius is allowed" and text.startswith('"radius max [px]"; expected radius max [px] above 9')
     slider = FieldSpec(("localise", "radius_max_px"), float, 24.0, None, (), "")
     assert f'"{field_label(slider)}"' in text
+
+
+def test_a_size_has_two_digits_or_more_in_the_largest_unit_that_it_fills() -> None:
+    sizes = (0, 999, 1_000, 24_600, 2_000_000, 21_300_000, 1_500_000_000)
+    assert [size_text(size) for size in sizes] == [
+        "0 bytes", "999 bytes", "1.0 kB", "25 kB", "2.0 MB", "21 MB", "1.5 GB"
+    ]  # fmt: skip
 
 
 def test_the_name_of_a_file_stays_as_it_is() -> None:
