@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 from core.errors import RecordingError
 from core.events import SensorSize
+from core.foreign_tables import UNIT_NAMES, UNITS_US, split_unit
 from core.text import decode_text
 
 FRAME_CAMERA: Final = "rgb"
 """The name of the camera that the pictures belong to."""
 _TEXT_AND_NUMBER: Final = re.compile(r"(\D*)(\d*)")
+_TIME: Final = "t|time|timestamp|ts"
 _SUFFIXES: Final = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
 
@@ -29,15 +31,15 @@ class FrameInput:
     images: Path
     """A video, or a folder whose image files are taken in order of their names, see `picture_files`."""
     times: Path
-    """Text, one line a picture: its time (mid exposure) in us on the clock of the first event source."""
+    """Text, one line a picture: its time (mid exposure) on the first event source's clock, see `read_frame_times`."""
     exposure_us: int
 
 
 def read_frame_times(path: Path) -> NDArray[np.int64]:
-    """The times in a text file; a first line that is no number is a heading.
+    """The times in a text file in us: one number a line, or the column t_us (t_ms, t_s, t_ns) that a heading names.
 
     Raises:
-        RecordingError: if a line is not a time or times decrease.
+        RecordingError: if a line is not a time, times decrease, or which column has them cannot be told.
     """
     try:
         text = decode_text(path.read_bytes())
@@ -45,25 +47,42 @@ def read_frame_times(path: Path) -> NDArray[np.int64]:
         raise RecordingError("not a table of frame times", got=error.reason, where=path) from error
     except OSError as error:
         raise RecordingError("the frame times cannot be read", got=error, where=path) from error
+    heading: tuple[int, str] | None = None
     times: list[int] = []
     for number, line in enumerate(text.splitlines(), start=1):
-        word = re.split(r"[,;\t]", line)[0].strip().strip('"')
-        if not word:
+        cells = [cell.strip().strip('"') for cell in re.split(r"[,;\t]", line)]
+        if not any(cells):
             continue
+        if heading is None and not times and (heading := _heading(cells, path)) is not None:
+            continue
+        place, unit = heading or (0, "us")
+        word = cells[place] if place < len(cells) else ""
         try:
-            times.append(int(word))
-        except ValueError as error:
-            if times or not re.search(r"[A-Za-z]", word):  # a heading stands first and is a word
-                raise RecordingError(
-                    "not a frame time",
-                    expected="whole microseconds",
-                    got=repr(word),
-                    where=f"{path}, line {number}",
-                ) from error
+            times.append(int(word) if unit == "us" else round(float(word) * UNITS_US[unit]))
+        except (ValueError, OverflowError) as error:
+            expected = "whole microseconds" if unit == "us" else UNIT_NAMES[unit]
+            got, where = repr(word), f"{path}, line {number}"
+            raise RecordingError("not a frame time", expected=expected, got=got, where=where) from error
     t_us = np.array(times, np.int64)
     if bool((np.diff(t_us) < 0).any()):
         raise RecordingError("frame times run backwards", where=path)
     return t_us
+
+
+def _heading(cells: list[str], path: Path) -> tuple[int, str] | None:
+    """Place and unit of the times that a line of names states; None for a line of one number.
+
+    Raises:
+        RecordingError: if there are several columns, and not one that is named as a time.
+    """
+    found = [(at, unit) for at, cell in enumerate(cells) if (unit := split_unit(cell, _TIME))]
+    if len(found) == 1:
+        ((at, (_, unit)),) = found
+        return at, unit or "us"
+    if len([cell for cell in cells if cell]) > 1:
+        expected, got = "one number a line, or one column t_us (t_ms, t_s, t_ns) in a first line", ",".join(cells)[:60]
+        raise RecordingError("which column has the frame times cannot be told", expected=expected, got=got, where=path)
+    return (0, "us") if re.search(r"[A-Za-z]", cells[0]) else None
 
 
 def read_images(path: Path) -> Iterator[NDArray[np.uint8]]:

@@ -102,6 +102,11 @@ class _Plan:
         starts = [feed.first_us for feed in feeds if feed.first_us is not None]
         if len(starts) > 1 and max(starts) - min(starts) > min(feed.last_us for feed in feeds):
             notes.append("The cameras do not overlap in time; an offset between their clocks may be missing.")
+        if self.order.frames is not None and starts:
+            times_us = read_frame_times(self.order.frames.times) - self.zero_us
+            if not ((times_us >= 0) & (times_us <= max(feed.last_us for feed in feeds))).any():
+                name = self.order.frames.times.name
+                notes.append(f"No picture was taken while there are events: are the times of {name} of another clock?")
         return tuple(dict.fromkeys(map(encodable, notes)))
 
 

@@ -46,6 +46,7 @@ NO_LABELS = re.compile(
 OUTSIDE = 0.5
 """Share of the picture by which the corner of a polygon may lie beside it (ultralytics/yolov5#10632)."""
 CVAT_FOLDER = re.compile(r"obj_\w+_data")
+LONGEST_BOX = 10.0
 PARTLY_VISIBLE, WHOLLY_VISIBLE = 1, 2
 """Visibility of a keypoint: occluded, visible."""
 
@@ -237,6 +238,8 @@ def _label_of(numbers: list[float], ball: BallClass, t_us: int, context: ImportC
         )
         raise LabelError("not a line of YOLO", expected=expected, got=f"{count} numbers")
     x, y, w, h = box
+    if count == 5 and _is_long(w * width, h * height) and not _is_long(numbers[3] * width, numbers[4] * height):
+        raise LabelError("the confidence seems to stand first", expected="class x y w h confidence", got=numbers)
     radius = (w * width + h * height) / 4
     if not all(0.0 <= number <= 1.0 for number in box):
         raise LabelError("outside the picture", expected="shares, 0 to 1", got=box)
@@ -255,6 +258,11 @@ def _label_of(numbers: list[float], ball: BallClass, t_us: int, context: ImportC
         # The box may be cut off by an edge; its larger side still shows the radius.
         radius = max(w * width, h * height) / 2
     return context.ball(t_us, state, x * width - HALF_PIXEL, y * height - HALF_PIXEL, radius)
+
+
+def _is_long(first_px: float, second_px: float) -> bool:
+    """Whether one side is so much longer that no ball, blurred by its motion, fills the box."""
+    return max(first_px, second_px) > LONGEST_BOX * min(first_px, second_px)
 
 
 def _label_of_polygon(numbers: list[float], t_us: int, context: ImportContext) -> Label:

@@ -483,3 +483,9 @@ def test_a_picture_that_was_turned_while_it_was_labelled_is_rejected(tmp_path: P
     made = import_files(tmp_path, "label-studio", {"a.json": json.dumps(tasks)})
     assert made.rows == [pytest.approx(AT)]
     assert "turned while it was labelled; got 90 degrees" in made.said
+
+
+def test_a_confidence_that_stands_first_is_no_column(tmp_path: Path) -> None:
+    files = {"classes.txt": "ball\n", "frame_000001.txt": f"0 {BALL} 0.9\n", "frame_000002.txt": f"0 0.9 {BALL}\n"}
+    made = import_files(tmp_path, "yolo", files)
+    assert made.rows == [pytest.approx(AT)] and "the confidence seems to stand first" in made.said

@@ -152,6 +152,27 @@ REFUSED: dict[str, tuple[Write, str]] = {
         lines(lambda t, x, y, p: f"{t},{x},{y},{p},{t % 2}", "t,x,y,p,cam_id"),
         "several cameras.*got 0, 1",
     ),
+    "own variation: a field for the camera in records": (
+        lambda p: make.npy(p, FRAME.assign(camera=VGA.t % 2).to_records(index=False)),
+        "several cameras.*got 0, 1",
+    ),
+    "own variation: an array for the camera": (
+        lambda p: make.npz(p, camera=VGA.t % 2, t=VGA.t, x=VGA.x, y=VGA.y, p=VGA.p),
+        "several cameras.*got 0, 1",
+    ),
+    "own variation: a dataset for the camera": (
+        lambda p: make.hdf5(p, {f"events/{name}": one for name, one in (*VGA._asdict().items(), ("cam", VGA.t % 2))}),
+        "several cameras.*got 0, 1",
+    ),
+    "own variation: records in HDF5 with the camera": (
+        lambda p: make.hdf5(p, {"events": FRAME.assign(cam_id=VGA.t % 2).to_records(index=False)}),
+        "several cameras.*got 0, 1",
+    ),
+    # Seconds in a column called t_us: was read, everything within a microsecond.
+    "own variation: seconds called us": (
+        lines(lambda t, x, y, p: f"{t / 1e6:.6f},{x},{y},{p}", "t_us,x,y,p"),
+        "the times cannot be microseconds, which the file states",
+    ),
     "own variation: what is no date": (lines(lambda t, x, y, p: f"2025-13-01 25:00:00,{x},{y},{p}"), "are not events"),
 }
 

@@ -27,7 +27,12 @@ from core.recordings.hdf5 import dataset_at, group_at
 from core.recordings.sources.hdf5_reading import UNREADABLE, explain, read_in_parts, unit_by_index
 from core.recordings.sources.making import make_table_source
 from core.recordings.sources.source import DecodeReport, EventSource, FactOrigin, RawColumns
-from core.recordings.sources.table_columns import find_columns, unit_of_name
+from core.recordings.sources.table_columns import (
+    camera_column,
+    find_columns,
+    refuse_several_cameras,
+    unit_of_name,
+)
 from core.recordings.sources.values.stated_sizes import size_in_attributes
 from core.recordings.sources.values.table_order import TableOrder, guess_columns
 from core.recordings.sources.values.table_values import TableSummary, summarise_table
@@ -44,6 +49,7 @@ _MVSEC_SENSOR: Final = SensorSize(346, 260)
 _MOST_TABLES: Final = 16
 _V2E_ORDER: Final = TableOrder({"t": 0, "x": 1, "y": 2, "p": 3}, seconds=False)
 _SAMPLE_ROWS: Final = 10_000
+_ROWS: Final = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,6 +147,7 @@ def _open_table(path: Path, file: h5py.File, table: _Table, name: str, sensor: S
     count = table.count(file, path)
     where = dataset_at(file, table.path) if table.records else group_at(file, table.path)
     holders = [file, where, *([where.parent] if table.path != "/" else [])]
+    _check_one_camera(path, file, table, count)
     # DSEC's files of several cameras put into one have an offset beside the events of each.
     offset_at = next((one for one in (*holders[1:], file) if isinstance(one, h5py.Group) and "t_offset" in one), None)
     offset_us = 0 if offset_at is None else int(np.asarray(dataset_at(offset_at, "t_offset")[()]).reshape(-1)[0])
@@ -167,6 +174,28 @@ def _open_table(path: Path, file: h5py.File, table: _Table, name: str, sensor: S
         path, name, label, sensor, lambda report: read_in_parts(path, table.read, count, report),
         unit=unit, unit_from=unit_from, shift_us=offset_us, seen=seen, sensor_from=sensor_from, remarks=remarks,
     )  # fmt: skip
+
+
+def _check_one_camera(path: Path, file: h5py.File, table: _Table, count: int) -> None:
+    """Raises RecordingError if a column beside the events says that they are of several cameras."""
+    holder = dataset_at(file, table.path) if table.records else group_at(file, table.path)
+    names = list(holder.dtype.names or ()) if isinstance(holder, h5py.Dataset) else [str(name) for name in holder]
+    place = camera_column(names)
+    name = "" if place is None else names[place]
+    if isinstance(holder, h5py.Group):
+        other = holder.get(name) if name else None
+        if not isinstance(other, h5py.Dataset) or other.shape != (count,):
+            return
+        column = dataset_at(holder, name)
+    elif name:
+        column = holder.fields(name)
+    else:
+        return
+    try:
+        parts = (np.unique(column[first : first + _ROWS]).tolist() for first in range(0, count, _ROWS))
+        refuse_several_cameras(set().union(*parts), path)
+    except UNREADABLE as error:
+        raise RecordingError("the events cannot be read", got=explain(error), where=path) from error
 
 
 def _unit_of_dsec(marks: h5py.Dataset, times: h5py.Dataset) -> str | None:

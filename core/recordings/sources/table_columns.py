@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 import numpy as np
@@ -29,6 +29,18 @@ _NAMES: Final = {
     "p": ("p", "ps", "pol", "pols", "polarity", "polarities", "on", "sign", "is_on", "on_off", "event_polarity"),
 }  # fmt: skip
 """Usual spellings; that of a time may end with its unit."""
+_CAMERAS: Final = (
+    "camera",
+    "cam",
+    "camera_id",
+    "cam_id",
+    "camera_name",
+    "cam_name",
+    "sensor",
+    "sensor_id",
+    "device_id",
+)
+"""Columns whose values tell cameras apart."""
 _AT_SIZE: Final = re.compile(r"([xy])@([0-9]{1,5})")
 
 
@@ -66,6 +78,24 @@ def find_columns(names: Sequence[str], *, where: str) -> dict[str, int]:
             )
         found[column] = position
     return found
+
+
+def camera_column(names: Sequence[str]) -> int | None:
+    """Position of the column that says which camera an event is of; None if there is none."""
+    return next((place for place, name in enumerate(names) if _spelled(name) in _CAMERAS), None)
+
+
+def refuse_several_cameras(cameras: Iterable[object], where: object) -> None:
+    """Raise RecordingError if the different values of such a column are more than one: their events would be mixed."""
+    found = sorted(map(str, cameras))
+    if len(found) > 1:
+        raise RecordingError(
+            "the table holds the events of several cameras",
+            expected="one value in the column that says which camera it is",
+            got=", ".join(found[:8]),
+            where=where,
+            remedy="write the events of each camera into a file of its own, and import them together",
+        )
 
 
 def unit_of_name(name: str) -> str | None:

@@ -23,7 +23,13 @@ from core.events import SensorSize
 from core.foreign_tables import allowed_odd
 from core.recordings.sources.making import make_table_source
 from core.recordings.sources.source import DecodeReport, EventSource, RawColumns
-from core.recordings.sources.table_columns import find_columns, size_in_names, unit_of_name
+from core.recordings.sources.table_columns import (
+    camera_column,
+    find_columns,
+    refuse_several_cameras,
+    size_in_names,
+    unit_of_name,
+)
 from core.recordings.sources.values.stated_sizes import size_in_text, size_of
 from core.recordings.sources.values.table_order import guess_columns
 from core.text import encoding_of
@@ -39,18 +45,6 @@ _DATE: Final = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 _BRACKETS: Final = str.maketrans("", "", "()[]{}\"'")
 _HEAD_BYTES: Final = 1 << 16
-_CAMERAS: Final = (
-    "camera",
-    "cam",
-    "camera_id",
-    "cam_id",
-    "camera_name",
-    "cam_name",
-    "sensor",
-    "sensor_id",
-    "device_id",
-)
-"""Columns whose values tell cameras apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,11 +163,10 @@ def _find_layout(path: Path) -> _Layout:
     dates = _place_of_date(second)
     layout = replace(layout, dates=dates if dates == places["t"] else None)
     word = second[places["p"]].strip() if len(second) > places["p"] else ""
-    camera = next((place for place, name in enumerate(names) if name.lower() in _CAMERAS), None)
     others = [name for place, name in enumerate(names) if place not in places.values() and not _is_index(name)]
     return replace(
         layout, skip=skip + 1, places=places, unit=_unit(layout, places, names[places["t"]]),
-        sensor=sensor or size_in_names(names), camera=camera,
+        sensor=sensor or size_in_names(names), camera=camera_column(names),
         words=places["p"] if word and not _is_number(word) else None,
         assumed=(f"{path.name}: the columns {', '.join(others)} are not read.",) if others else (),
     )  # fmt: skip
@@ -326,14 +319,7 @@ def _check_one_camera(lines: list[str], odd: set[int], layout: _Layout, cameras:
         fields = line.split(layout.separator)
         if number not in odd and not _is_comment(line) and len(fields) > place:
             cameras.add(fields[place].strip())
-    if len(cameras) > 1:
-        raise RecordingError(
-            "the table holds the events of several cameras",
-            expected="one value in the column that says which camera it is",
-            got=", ".join(sorted(cameras)[:8]),
-            where=path,
-            remedy="write the events of each camera into a file of its own, and import them together",
-        )
+    refuse_several_cameras(cameras, path)
 
 
 def _is_cut_short(line: str, table: NDArray) -> bool:

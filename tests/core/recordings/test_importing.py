@@ -14,7 +14,7 @@ from core.cameras import Camera
 from core.errors import RecordingError
 from core.events import SensorSize
 from core.recordings import ImportOrder, RecordingWriter, import_recording, open_recording
-from core.recordings.frame_import import FrameInput
+from core.recordings.frame_import import FrameInput, read_frame_times
 
 SENSOR = SensorSize(346, 260)
 
@@ -181,6 +181,9 @@ def test_pictures_go_along_on_the_clock_of_the_events(tmp_path, pair):
         assert frames.t_us.tolist() == [10_000, 20_000, 30_000]
         assert frames.exposure_us.tolist() == [4000] * 3
         np.testing.assert_array_equal(frames.image(1), images[1])
+    times.write_text("9010000\n9020000\n9030000\n")
+    late = import_recording(ImportOrder([path_left], frames=FrameInput(folder, times, 4000)), tmp_path / "late.h5")
+    assert late is not None and "No picture was taken while there are events" in late.notes[-1]
     times.write_text("7010000\n7020000\n")
     with pytest.raises(RecordingError, match="frames and frame times differ in number; expected 2, got 3"):
         import_recording(ImportOrder([path_left], frames=FrameInput(folder, times, 4000)), tmp_path / "b.h5")
@@ -267,3 +270,36 @@ def test_files_of_a_pair_that_are_called_as_the_other_camera_are_said(tmp_path, 
     assert summary is not None and "they may be exchanged" in summary.notes[0]
     summary = import_recording(ImportOrder(paths[::-1]), tmp_path / "b.h5")
     assert summary is not None and "exchanged" not in " ".join(summary.notes)
+
+
+@pytest.mark.parametrize(
+    ("text", "times_us"),
+    [
+        ("1000\n2000\n", [1000, 2000]),
+        ("Zeit\n1000,\n2000,\n", [1000, 2000]),
+        ("frame,t_us\n0,1000\n1,2000\n", [1000, 2000]),
+        ("t_ms;name\n1.5;a.png\n20;b.png\n", [1500, 20_000]),
+        ("timestamp [s]\n0.25\n1.7e9\n", [250_000, 1_700_000_000_000_000]),
+        ("t_ns\n2500\n", [2]),
+    ],
+)
+def test_a_heading_names_the_column_and_the_unit_of_the_frame_times(tmp_path, text, times_us):
+    (tmp_path / "times.csv").write_text(text)
+    assert read_frame_times(tmp_path / "times.csv").tolist() == times_us
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("0,1000\n1,2000\n", "which column has the frame times cannot be told.*got 0,1000"),
+        ("frame,when\n0,1000\n", "which column.*got frame,when"),
+        ("t_us,t_s\n1000,0.001\n", "which column"),
+        ("frame,t_ms\n0,1\n1\n", "line 3: not a frame time; expected milliseconds, got ''"),
+        ("t_s\ninf\n", "line 2: not a frame time"),
+        ("t_us\n1000.5\n", "line 2: not a frame time; expected whole microseconds"),
+    ],
+)
+def test_frame_times_that_cannot_be_told_are_refused(tmp_path, text, said):
+    (tmp_path / "times.csv").write_text(text)
+    with pytest.raises(RecordingError, match=said):
+        read_frame_times(tmp_path / "times.csv")

@@ -337,9 +337,18 @@ def _check_stated_unit(seen: TableSummary, unit: str, report: DecodeReport, wher
     """Hold the unit that a file states against its times.
 
     Raises:
-        RecordingError: if the file would last days.
+        RecordingError: if the file would last days, or less than a millisecond in times with fractions.
     """
     span_us = seen.span_t * UNITS_US[unit]
+    # Seconds in a column called t_us.
+    if unit in ("us", "ns") and not seen.whole and span_us < _LONGEST_STEP_US and seen.rows > _ALIKE_ROWS:
+        raise RecordingError(
+            f"the times cannot be {UNIT_NAMES[unit]}, which the file states",
+            expected="whole numbers, or times over more than a millisecond",
+            got=f"{seen.rows:,} events from {seen.low_t:g} to {seen.high_t:g}",
+            where=where,
+            remedy="give --time-unit with the right one",
+        )
     # An attribute "s" beside whole microseconds: tub-rip/events_h52bag#6.
     if span_us > MAX_TIME_US:
         raise RecordingError(
