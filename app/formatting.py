@@ -30,8 +30,16 @@ PLAIN_NAMES: Final = {
     "evidence_min": "evidence to confirm (evidence min)",
     "pace_min_per_ms": "slowest ball [radii/ms] (pace min)",
     "coast_us": "prediction while unseen [µs] (coast)",
+    "inside_max": "events inside, max (inside max)",
+    "both_edges_min": "coverage of the weaker edge (both edges min)",
+    "all_round_min": "one polarity all round (all round min)",
+    "steady_radius": "spread of the radii, max (steady radius)",
+    "same_radius": "change of the radius, max (same radius)",
+    "given_up": "evidence to give up (given up)",
+    "confirmed_given_up": "evidence to give up a ball (confirmed given up)",
 }
-"""Names of fields whose own name does not say what is measured; it stands behind, as in files and documentation."""
+"""Names of fields whose own name does not say what is measured; it stands behind, as in files and documentation. They
+have the words of the reasons that lead to their sliders."""
 
 
 def field_words(field: str) -> str:

@@ -82,3 +82,16 @@ def test_a_table_with_dashes_says_what_they_stand_for(cell: str) -> None:
 def test_a_label_and_a_tooltip_are_understood_without_the_neighbour_above() -> None:
     assert field_words("stretch_max_ms") == "edge latency, max [ms] (stretch max)"
     assert not [word for word, meaning in GLOSSARY.items() if meaning.startswith(("The same", "Of "))]
+
+
+@pytest.mark.parametrize(
+    ("reason", "field"),
+    [
+        ("events inside", "inside_max"),
+        ("coverage of the weaker edge", "both_edges_min"),
+        ("one polarity all round", "all_round_min"),
+        ("spread of the radii", "steady_radius"),
+    ],
+)
+def test_a_slider_has_the_words_of_the_reason_that_leads_to_it(reason: str, field: str) -> None:
+    assert field_words(field).startswith(reason) and f"({field.replace('_', ' ')})" in field_words(field)
