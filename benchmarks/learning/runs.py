@@ -105,7 +105,7 @@ Results = defaultdict[str, list[SeedResult]]
 
 def seeds_in_turn(experiments: Sequence[Experiment]) -> list[tuple[Experiment, int]]:
     """Every seed of every experiment: the first of each, then the second; what is stopped early can be paired so."""
-    turns = range(max(one.config.seeds for one in experiments))
+    turns = range(max((one.config.seeds for one in experiments), default=0))
     return [(one, one.config.first_seed + turn) for turn in turns for one in experiments if turn < one.config.seeds]
 
 
