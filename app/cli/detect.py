@@ -17,6 +17,7 @@ from app.cli.arguments import flag, given, one_of, positional, whole_number
 from app.cli.backend_arguments import SharedBackendArguments
 from app.cli.detector_arguments import AnyMethodArguments
 from app.cli.files import csv_text
+from app.cli.rimless import rimless_summary, say_rimless
 from app.cli.streaming import StreamingArguments, plain_score, say_streaming, score_without_delay, with_streaming
 from app.cli.tabulate import RecordingTable, Summary, tabulate
 from app.cli.terminal import format_table, print_lines, say
@@ -86,6 +87,7 @@ def _say(summary: Summary) -> None:
     counts, windows, found = summary["why_not"], summary["windows"], summary["detections"]
     assert isinstance(counts, list) and isinstance(windows, int) and isinstance(found, int)
     say_why_not(counts, windows - found, what)
+    say_rimless(summary)
 
 
 def _time_of(text: str) -> int:
@@ -179,7 +181,8 @@ class DetectInEvents:
                 answers = run_detector(stream, detector, self.windows, progress=control, reasons=reasons)
             table = _table(stream.name, self.method, self.windows.longest_us, answers, stream.truth, reasons)
             fair = score_without_delay(answers, stream.truth, stream.sensor)
-            table = RecordingTable(table.text, table.summary | window_lengths(self.windows, answers) | fair)
+            rimless = {} if answers.detected.any() else rimless_summary(stream)
+            table = RecordingTable(table.text, table.summary | window_lengths(self.windows, answers) | fair | rimless)
             return with_streaming(table, answers, stream.truth, detector, self.added_us)
 
 

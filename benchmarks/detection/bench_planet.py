@@ -26,6 +26,7 @@ from benchmarks.machine import describe_machine
 from core.config import load_config
 from core.detection import DetectorConfig
 from core.detection.methods import Method, make_detector, method_config
+from core.detection.saved import RIMLESS, load_detector
 from core.errors import CommandError
 from core.events import Events
 from core.metrics.run import WindowAnswers, run_detector
@@ -87,6 +88,7 @@ def run(progress: Callable[[float], None], *, recorded: str | None = None) -> di
     tuned = load_config(DetectorConfig, CONFIG)
     contenders = [
         Contender("refined, planet.toml", "refined", tuned),
+        Contender("refined, rimless.toml", "refined", load_detector(RIMLESS).config),
         Contender("refined", "refined", method_config("refined")),
         Contender("auto", "auto", method_config("auto")),
         Contender("fe-fusion", "fe-fusion", method_config("fe-fusion")),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from core.config import config_from_mapping, config_to_mapping, read_mapping, write_mapping
 from core.detection.config import DetectorConfig
@@ -13,6 +13,8 @@ from core.errors import CommandError, ConfigError
 
 SHARED_SECTIONS = frozenset({"window"})
 """Sections of every method, which do not identify the method of a file."""
+RIMLESS: Final = Path(__file__).with_name("rimless.toml")
+"""A file with settings of `refined` for a ball without a rim."""
 
 
 class SavedDetector(NamedTuple):

@@ -20,6 +20,7 @@ from core.detection.method_trace import MethodTrace, explain_step
 from core.detection.methods import Method, make_detector, method_config
 from core.detection.reasons import Reason, ReasonCount, ReasonCounter, reasons_of
 from core.detection.refined.detector import SEARCH_EVERY
+from core.detection.saved import RIMLESS, load_detector
 from core.detection.window import ImageMotion, WindowRule, windows_by_rule
 from core.events import Window
 from core.recordings import CameraStream
@@ -340,6 +341,15 @@ def best_other(
     others = [sample_method(stream, other, config, span_us) for other, config in configs.items() if other != method]
     best = max(others, key=lambda one: one.share, default=None)
     return best if best is not None and best.found else None
+
+
+def sample_rimless(stream: CameraStream, span_us: tuple[int, int] | None = None) -> MethodSample | None:
+    """The sample of `refined` with the settings of `RIMLESS`; None if its defaults find a ball, or these do not."""
+    rimless = load_detector(RIMLESS)
+    if sample_method(stream, rimless.method, method_config(rimless.method), span_us).found:
+        return None
+    sample = sample_method(stream, rimless.method, rimless.config, span_us)
+    return sample if sample.found else None
 
 
 def _stretches(first_us: int, last_us: int) -> list[tuple[int, int]]:

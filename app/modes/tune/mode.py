@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Final
 
 from app.background.jobs import LatestWins, LoopJob, Progress
@@ -28,7 +29,7 @@ from app.views.requests import PictureAnswer, TuneRequest, answer_request
 from app.views.stage_picture import miss_px
 from core.detection import DetectorConfig
 from core.detection.methods import METHODS, Method
-from core.detection.saved import load_detector
+from core.detection.saved import RIMLESS, load_detector
 from core.metrics import judge_answers, known_truth
 from core.recordings import Recording
 
@@ -65,10 +66,11 @@ class TuneMode:
         self._view = TuneViewPanel(gui, self._send)
         self._settings = SettingsPanel(gui, self._send)
         self._compare = CompareOverTime(host, self._send, lambda: self._results.score.timing)
-        self._results = ResultsPanel(gui, lambda: host.later(self._start_score), lambda: host.later(self._score.cancel))
-        self._nothing = NothingFound(
-            host.pool, host.later, self._failed, lambda html: self._results.candidates.show_nothing_found(html)
-        )
+        self._results = ResultsPanel(
+            gui, lambda: host.later(self._start_score), lambda: host.later(self._score.cancel),
+            lambda: host.later(lambda: self._use_config(RIMLESS)),
+        )  # fmt: skip
+        self._nothing = NothingFound(host.pool, host.later, self._failed, self._results.candidates.show_nothing_found)
         self._sample: SampleRequest | None = None
         self._auto = AutoTune(host, self._results.show_tuned, lambda: self._results.score.timing)
         self._files = ConfigFilesPanel(
@@ -281,8 +283,11 @@ class TuneMode:
     def _load_config(self, name: str) -> None:
         workspace = self._host.services.workspace
         if name in workspace.config_names():
-            saved = load_detector(workspace.config_path(name))
-            self._send(UseConfig(saved.config, saved.method))
+            self._use_config(workspace.config_path(name))
+
+    def _use_config(self, path: Path) -> None:
+        saved = load_detector(path)
+        self._send(UseConfig(saved.config, saved.method))
 
     # The score ----------------------------------------------------------------------------------------------------
 

@@ -16,7 +16,7 @@ from app.formatting import html_text, percent
 from app.modes.tune.results_panel import reasons_html
 from core.detection import DetectorConfig
 from core.detection.methods import Method
-from core.metrics.run import MethodSample, best_other, duration_of, sample_method
+from core.metrics.run import MethodSample, best_other, duration_of, sample_method, sample_rimless
 from core.recordings import CameraStream
 
 REST_S: Final = 1.5
@@ -51,6 +51,8 @@ class SampleAnswer:
     sample: MethodSample
     other: MethodSample | None
     live: bool = False
+    rimless: MethodSample | None = None
+    """That of `refined` with the settings for a ball without a rim, if it finds more than the other."""
 
 
 class NothingFound:
@@ -58,8 +60,9 @@ class NothingFound:
 
     def __init__(
         self, pool: Executor, later: Callable[[Callable[[], None]], None], failed: Callable[[Exception], None],
-        show: Callable[[str], None],
+        show: Callable[[str, bool], None],
     ) -> None:  # fmt: skip
+        """`show` gets the text, and whether the settings for a ball without a rim are to be offered."""
         self._later, self._show = later, show
         self._known: OrderedDict[Hashable, SampleAnswer] = OrderedDict()
         self._valid_until_s: dict[Hashable, float] = {}
@@ -105,23 +108,28 @@ class NothingFound:
 
     def _refresh(self) -> None:
         answer = None if self._wanted is None else self._known.get(self._wanted.key)
-        self._show("" if answer is None else nothing_found_html(answer))
+        offered = answer is not None and answer.rimless is not None
+        self._show("" if answer is None else nothing_found_html(answer), offered)
 
 
 def answer_sample(request: SampleRequest) -> SampleAnswer:
-    """Sample the method, and the others if it finds nothing."""
+    """Sample the method; if it finds nothing, the others too, and the settings for a ball without a rim."""
     stream, span_us = request.stream, None
     if request.live:
         end_us = duration_of(stream)
         span_us = max(0, end_us - LIVE_US), end_us
     sample = sample_method(stream, request.method, request.configs[request.method], span_us)
     others = {name: config for name, config in request.configs.items() if name not in SAME}
-    other = None if sample.found else best_other(stream, request.method, others, span_us)
-    return SampleAnswer(sample, other, request.live)
+    if sample.found or not sample.windows:
+        return SampleAnswer(sample, None, request.live)
+    other, rimless = best_other(stream, request.method, others, span_us), sample_rimless(stream, span_us)
+    if rimless is not None and other is not None and other.share >= rimless.share:
+        rimless = None
+    return SampleAnswer(sample, other, request.live, rimless)
 
 
 def nothing_found_html(answer: SampleAnswer) -> str:
-    """Why nothing is found, with links to the sliders, and which other method finds a ball; empty if one is found."""
+    """Why nothing is found, with links to the sliders, and what else finds a ball; empty if one is found."""
     sample, other = answer.sample, answer.other
     if sample.found or not sample.windows:
         return ""
@@ -132,5 +140,7 @@ def nothing_found_html(answer: SampleAnswer) -> str:
         text += f" Most often: {', '.join(shares)}."
     if other is not None:
         text += f" <b>{html_text(other.method)}</b> finds one in {percent(other.share)}."
+    if (soft := answer.rimless) is not None:
+        text += f" <b>{html_text(soft.method)}</b> with the settings for a ball without a rim: {percent(soft.share)}."
     # As high as its letters: what it takes is missing below, where the candidates of the window are.
     return f"<div style='font-size:12.5px;line-height:15px;padding:0 12px 6px;margin-top:-6px'>{text}</div>"

@@ -13,15 +13,16 @@ import viser
 from app import theme
 from app.formatting import html_text, table_row
 from app.modes.tune.label_score import LabelScore, label_score_html
+from app.modes.tune.residuals_plot import residuals_html
 from app.modes.tune.run_score import RunScore, run_score_row, run_scores_html
 from app.modes.tune.settings import setting_anchor, stage_counts_html
 from app.panels.keys import place_below_pictures
 from app.pictures.palette import palette
 from app.views.requests import is_wrong
-from app.views.stage_picture import KIND_INK, cluster_colour_index
+from app.views.stage_picture import cluster_colour_index
 from app.widgets import when_changed, when_clicked
 from core.detection import Detection, RefinedDetection
-from core.detection.method_trace import CandidateRow, MethodTrace, Residuals
+from core.detection.method_trace import CandidateRow, MethodTrace
 from core.detection.reasons import FIXED, Reason, ReasonCount
 from core.detection.window import EarlyEnds
 from core.metrics.run import WindowAnswer
@@ -158,11 +159,16 @@ ROWS_PX: Final = 300
 """A residual plot that would leave less to the rows goes below them."""
 
 
+RIMLESS_HINT: Final = "A glow, or one out of focus. Z undoes. Look at what is found: a face or a car may pass for it"
+
+
 class CandidatesTable:
     """A table of the candidates of a window, the ball first; without a ball the reasons come before it."""
 
-    def __init__(self, gui: viser.GuiApi) -> None:
+    def __init__(self, gui: viser.GuiApi, use_rimless: Callable[[], None]) -> None:
         self._nothing = gui.add_html("", visible=False)
+        self._rimless = gui.add_button("Use the settings for a ball without a rim", visible=False, hint=RIMLESS_HINT)
+        when_clicked(self._rimless, use_rimless)
         self._table = gui.add_html(stage_counts_html("Computing the first window ..."))
 
     def show(
@@ -192,10 +198,11 @@ class CandidatesTable:
     def _show(self, content: str) -> None:
         self._table.content = answer_of_window_html(content)
 
-    def show_nothing_found(self, content: str) -> None:
-        """Show why nothing is found in the whole recording; nothing if empty."""
+    def show_nothing_found(self, content: str, rimless: bool) -> None:
+        """Show why nothing is found in the whole recording; nothing if empty. `rimless`: offer those settings."""
         self._nothing.content = answer_of_window_html(content)
         self._nothing.visible = bool(content)
+        self._rimless.visible = rimless
 
 
 def side_by_side_html(answers: Iterable[str]) -> str:
@@ -343,56 +350,16 @@ def _candidate_row(candidate: CandidateRow, picked: bool, below_px: int | None) 
     return table_row(cells, CELL, row_style="background:rgba(255,140,40,0.25)" if picked else "") + why
 
 
-PLOT_PX: Final = (250, 70)
-"""Width and height of the plot of residuals: with its title it is as high as the rows of the panel."""
-PLOT_SPAN_PX: Final = 2.5
-"""Residual at its upper edge: the width of the band of edge points."""
-PLOTTED: Final = 400
-"""Most points in it."""
-
-
-def residuals_html(noun: str, label: int, residuals: Residuals) -> str:
-    """A small plot of the edge points' distances from the circle over their direction, and the limit of their rms.
-
-    It stays beside the rows while they scroll: below them it was out of sight in a window of 720 px.
-    """
-    width, height = PLOT_PX
-    # Every dot is an element of the page: more slow the browser down and cover each other.
-    every = max(1, len(residuals.angle_rad) // PLOTTED)
-    x = (residuals.angle_rad[::every] / (2 * np.pi) + 0.5) * width
-    y = (0.5 - np.clip(residuals.residual_px[::every] / PLOT_SPAN_PX, -1, 1) / 2) * height
-    inks = {kind: palette("orange / blue")[ink].tolist() for kind, ink in KIND_INK.items()}
-    dots = "".join(
-        f"<circle cx='{px:.0f}' cy='{py:.1f}' r='1.3' fill='rgb{tuple(inks[kind])}'/>"
-        for px, py, kind in zip(x.tolist(), y.tolist(), residuals.kind[::every].tolist(), strict=True)
-    )
-    limits = "".join(
-        f"<line x1='0' x2='{width}' y1='{at:.1f}' y2='{at:.1f}' stroke='{theme.MUTED}' stroke-dasharray='{dash}'/>"
-        for at, dash in (
-            (height / 2, ""),
-            ((0.5 - residuals.limit_px / PLOT_SPAN_PX / 2) * height, "3 3"),
-            ((0.5 + residuals.limit_px / PLOT_SPAN_PX / 2) * height, "3 3"),
-        )
-    )
-    legend = (
-        "distance of the edge points from the circle, over their direction from its motion, -180° to 180°; "
-        "green leading, blue trailing edge, red outliers; dashed: the limit of their rms"
-    )
-    return (
-        f"<div style='flex:none;position:sticky;top:0;align-self:flex-start;width:{width}px' title='{legend}'>"
-        f"<div style='color:{theme.MUTED};font-size:11px'>residuals of {noun} {label}, ±{PLOT_SPAN_PX:g} px, "
-        f"-180° to 180°</div><svg width='{width}' height='{height}' role='img' "
-        f"aria-label='residuals: {legend}' style='display:block;overflow:hidden'>{limits}{dots}</svg></div>"
-    )
-
-
 class ResultsPanel:
     """A floating panel of one browser."""
 
-    def __init__(self, gui: viser.GuiApi, start_score: Callable[[], None], cancel_score: Callable[[], None]) -> None:
+    def __init__(
+        self, gui: viser.GuiApi, start_score: Callable[[], None], cancel_score: Callable[[], None],
+        use_rimless: Callable[[], None],
+    ) -> None:  # fmt: skip
         self.panel = gui.add_panel(visible=False)
         with self.panel.add_tab("Candidates", viser.Icon.LIST_DETAILS):
-            self.candidates = CandidatesTable(gui)
+            self.candidates = CandidatesTable(gui, use_rimless)
         with self.panel.add_tab("Score", viser.Icon.TARGET):
             self.score = ScorePanel(gui, start_score, cancel_score)
         with self.panel.add_tab("Auto-tune", viser.Icon.WAND):

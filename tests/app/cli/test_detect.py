@@ -11,7 +11,9 @@ from benchmarks.detection.bench_detection import simulate_flights
 from core.config import replace_setting, save_config
 from core.detection import auto_config
 from core.detection.methods import method_config
+from core.detection.saved import RIMLESS
 from core.recordings import RecordingWriter
+from tests.drawn_glow import SENSOR, draw_glow
 
 pytestmark = pytest.mark.numeric
 
@@ -236,6 +238,19 @@ def test_why_there_is_no_ball_is_counted_by_reason_with_setting_value_and_limit(
     assert detect(recording, tmp_path / "det.csv", *arguments) == 0
     said = capsys.readouterr().out
     assert f"no ball in {missed} windows" in said and "refined.points_min" in said
+
+
+def test_a_ball_without_a_rim_is_found_with_the_config_that_is_named(tmp_path, capsys) -> None:
+    path, out = tmp_path / "glow.h5", tmp_path / "det.csv"
+    with RecordingWriter(path, {"camera": SENSOR}) as writer:
+        writer.append("camera", draw_glow(bright=True))
+    assert detect(path, out) == 0
+    assert f"of a sample with --config {RIMLESS}" in capsys.readouterr().out
+    assert detect(path, out, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["rimless"] > 0.5
+    assert detect(path, out, "--config", str(RIMLESS), "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["method"] == "refined" and found["detections"] > 0.5 * found["windows"] and "rimless" not in found
 
 
 @pytest.mark.parametrize("method", ["refined", "auto", "ebpp", "fe-fusion"])

@@ -12,11 +12,14 @@ from app.modes.tune.nothing_found import NothingFound, SampleRequest, answer_sam
 from core.cameras import stereo_preset
 from core.config import replace_setting
 from core.detection.methods import method_config
-from core.events import SensorSize
+from core.detection.saved import RIMLESS, load_detector
+from core.events import Events, SensorSize
 from core.live.link import messages as m
 from core.live.ring_recording import LiveConfig, RingRecording
 from core.metrics.run import sample_method
 from core.recordings import CameraStream, open_recording
+from core.recordings.recording import FrozenCamera, Triggers
+from tests.drawn_glow import DURATION_US, draw_glow
 
 STRICT = replace_setting(method_config("refined"), ("refined", "points_min"), 200)
 
@@ -49,6 +52,27 @@ def test_nothing_is_said_where_a_ball_is_found_anywhere(stream: CameraStream) ->
     assert answer.sample == sample_method(stream, "refined", config)
     assert answer.sample.found > 10 and answer.other is None
     assert nothing_found_html(answer) == ""
+
+
+def camera_of(events: Events) -> FrozenCamera:
+    counts = np.bincount(events.t_us // 1000, minlength=DURATION_US // 1000)
+    none = Triggers(np.zeros(0, np.int64), np.zeros(0, bool), np.zeros(0, np.int16))
+    return FrozenCamera("camera", events.sensor, None, None, none, events, counts)
+
+
+def test_where_only_the_settings_for_a_ball_without_a_rim_find_one_they_are_offered() -> None:
+    glow = camera_of(draw_glow(bright=True))
+    answer = answer_sample(SampleRequest(1, glow, "refined", {"refined": method_config("refined")}))
+    assert answer.sample.found == 0 and answer.rimless is not None and answer.rimless.share > 0.5
+    assert "<b>refined</b> with the settings for a ball without a rim: " in nothing_found_html(answer)
+    again = answer_sample(SampleRequest(2, glow, "refined", {"refined": load_detector(RIMLESS).config}))
+    assert again.sample.share == answer.rimless.share and nothing_found_html(again) == "", "when they are used"
+
+
+def test_no_other_settings_are_offered_where_the_defaults_find_a_ball(request_of) -> None:
+    answer = answer_sample(request_of(3))
+    assert answer.sample.found == 0 and answer.rimless is None
+    assert "without a rim" not in nothing_found_html(answer)
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +121,7 @@ def test_a_live_source_is_sampled_again_while_there_is_no_ball(request_of) -> No
             work()
             return Future()
 
-    mine = NothingFound(Here(), lambda act: act(), pytest.fail, shown.append)  # type: ignore[arg-type]
+    mine = NothingFound(Here(), lambda act: act(), pytest.fail, lambda text, _: shown.append(text))  # type: ignore[arg-type]
     request = replace(request_of(1), live=True)
     for wall_s, times in ((0.0, 0), (2.0, 1), (5.0, 1), (13.0, 2), (14.0, 2)):
         mine.want(request, wall_s)
@@ -116,7 +140,7 @@ def test_a_config_is_sampled_once_when_it_has_rested(request_of, monkeypatch) ->
             return Future()
 
     asked, shown, failed = [], [], []
-    mine = NothingFound(Here(), lambda act: act(), failed.append, shown.append)  # type: ignore[arg-type]
+    mine = NothingFound(Here(), lambda act: act(), failed.append, lambda text, _: shown.append(text))  # type: ignore[arg-type]
     mine.want(request_of(1), 0.0)
     mine.tick(1.0)
     mine.want(request_of(2), 1.0)  # the slider moves on

@@ -12,34 +12,11 @@ from core.detection.refined_config import RefinedConfig
 from core.detection.window import windows_between
 from core.events import Events, SensorSize
 from core.recordings import open_recording
+from tests.drawn_glow import DURATION_US, SENSOR, draw_glow, glow_centre
 
 pytestmark = pytest.mark.numeric
 EXAMPLES = Path(__file__).parents[4] / "docs/examples"
-SENSOR = SensorSize(160, 120)
-DURATION_US = 120_000
 GLOW = RefinedConfig(edge="soft", fill_min=0.1, residual_px=1.5, history_max_us=24_000, motion_px=8.0, delay_us=0)
-
-
-def glow_centre(t_us: float) -> tuple[float, float]:
-    """It swings through 60 px and back."""
-    return 80.0 + 30.0 * math.sin(2e-6 * math.pi * 8.0 * t_us), 60.0 + 1e-4 * t_us
-
-
-def draw_glow(bright: bool) -> Events:
-    """Events of a Gaussian glow, 12 px wide at one sigma: each pixel fires at every 0.25 of log light."""
-    rows, columns = np.mgrid[: SENSOR.height_px, : SENSOR.width_px]
-    level = np.random.default_rng(3).uniform(0.0, 1.0, rows.shape)  # where each pixel is between two thresholds
-    found, before = [], None
-    for t_us in range(0, DURATION_US, 200):
-        u, v = glow_centre(t_us)
-        light = (1.0 if bright else -1.0) * 3.0 * np.exp(-((columns - u) ** 2 + (rows - v) ** 2) / (2.0 * 12.0**2))
-        now = np.floor(light / 0.25 + level)
-        if before is not None:
-            y, x = np.nonzero(now != before)
-            found.append(np.column_stack([np.full(len(x), t_us), x, y, now[y, x] > before[y, x]]))
-        before = now
-    t, x, y, on = np.concatenate(found).T
-    return Events.from_columns(t, x, y, on.astype(bool), SENSOR)
 
 
 class Stored:
