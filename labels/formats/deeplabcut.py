@@ -14,6 +14,7 @@ from typing import Final
 from core.errors import LabelError
 from core.foreign_tables import NO_NUMBER
 from labels.formats.exchange import CLASS_NAME, HALF_PIXEL, Collector, ImportContext, add_rows, finite, whole_number
+from labels.formats.labelled_pictures import note_likely_size
 from labels.formats.picture_times import PictureTimes
 from labels.model import Label, LabelState
 
@@ -46,6 +47,7 @@ def read_deeplabcut(
     times = None if numbered else PictureTimes.of(pictures, context)
     across, down = context.stated_factors
     unlikely = 0
+    seen: list[tuple[float, float]] = []
 
     def label_of(fields: list[str]) -> Label | None:
         nonlocal unlikely
@@ -56,6 +58,7 @@ def read_deeplabcut(
             return None
         # DeepLabCut counts from the first pixel's middle, but a picture is scaled about its corner.
         place = [(finite(fields[column], "a coordinate") + HALF_PIXEL) for column in (x, y)]
+        seen.append((place[0], place[1]))
         name = _name_of(fields, names)
         t_us = context.time_of_frame(whole_number(name, "the frame")) if times is None else times.time_of(name)
         return context.ball(
@@ -63,6 +66,7 @@ def read_deeplabcut(
         )
 
     add_rows(body, len(header), file, collector, label_of)
+    note_likely_size(seen, context, collector)
     if unlikely:
         collector.note(f"{file.name}: {unlikely:,} positions of a likelihood below {LEAST_LIKELIHOOD} were left out")
 

@@ -20,6 +20,12 @@ from labels.model import Label
 
 SAME_SHAPE: Final = 0.02
 """Pictures whose ratio of sides differs by no more are of one shape."""
+_USUAL_SIZES: Final = ((320, 180), (320, 240), (416, 416), (512, 288), (640, 360), (640, 480))
+"""Width and height of pictures that trackers are given: TrackNet's is 512x288, its first version's 640x360."""
+_FAR_SMALLER: Final = 0.4
+"""Share of the sensor's area that such pictures have at most."""
+_LEAST_POSITIONS: Final = 10
+"""So many positions or more tell the size of their pictures."""
 StatedSize = tuple[object, object]
 """Width and height as a file states them: of any types, perhaps missing."""
 
@@ -157,6 +163,27 @@ def scaling_of(sizes: Iterable[StatedSize], context: ImportContext, collector: C
     if abs(across * height / (down * width) - 1) > SAME_SHAPE:
         collector.note("their shape is another than the sensor's: they are taken for stretched, not for padded")
     return PictureScaling(context.sensor, (across, down))
+
+
+def note_likely_size(places: Sequence[tuple[float, float]], context: ImportContext, collector: Collector) -> None:
+    """Note if positions whose files state no size may be of far smaller pictures than the sensor's.
+
+    Args:
+        places: pixels (x, y) as a file counts them.
+        context: tells the sensor, and the size if a person states it.
+        collector: gets the note.
+    """
+    if context.picture_size is not None or len(places) < _LEAST_POSITIONS:
+        return
+    right, bottom = (max(side) for side in zip(*places, strict=True))
+    area = _FAR_SMALLER * context.sensor.width_px * context.sensor.height_px
+    for width, height in _USUAL_SIZES:
+        # A ball that keeps to a corner of large pictures does not come near both far edges of small ones.
+        if width / 2 < right < width and height / 2 < bottom < height and width * height <= area:
+            place, size = f"all {len(places)} positions lie within {width}x{height}", f"{width}x{height}"
+            text = f"{place}; if the pictures were that small, give --picture-size {size}: nothing was scaled"
+            collector.note(f"{text} to the sensor's {context.sensor}")
+            return
 
 
 Parse = Callable[[str, Path, ImportContext, Collector], Iterable[Picture]]

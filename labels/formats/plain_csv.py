@@ -49,6 +49,7 @@ from labels.formats.flat import (
     flat_row,
     label_of_row,
 )
+from labels.formats.labelled_pictures import note_likely_size
 from labels.model import Label, LabelState
 
 _TIMES: Final = "t|dt|time|timestamp|ts|delta_?t"
@@ -96,6 +97,7 @@ def read_track(
         collector.note(f"{file.name} does not name the unit of its times: {unit} is assumed")
     across, down = context.stated_factors
     now = 0.0
+    seen: list[tuple[float, float]] = []
 
     def label_of(fields: list[str]) -> Label | None:
         nonlocal now
@@ -110,9 +112,10 @@ def read_track(
             t_us = context.time_of_frame(whole_number(fields[columns.time], "the frame"))
         else:
             t_us = round(now * UNITS_US[unit])
-        read = [finite(place, "a coordinate") for place in places]
+        read = finite(places[0], "a coordinate"), finite(places[1], "a coordinate")
         if not any(read):  # as TrackNet and many trackers write where they found nothing
             raise LabelError("a ball in the very corner of the picture: 0, 0 stands for no position")
+        seen.append(read)
         # A picture is scaled about its corner.
         x, y = ((place + HALF_PIXEL) * factor - HALF_PIXEL for place, factor in zip(read, (across, down), strict=True))
         text = "" if columns.radius is None else fields[columns.radius].strip()
@@ -120,6 +123,7 @@ def read_track(
         return context.ball(t_us, LabelState.VISIBLE, x, y, radius)
 
     add_rows(rows, columns.count, file, collector, label_of)
+    note_likely_size(seen, context, collector)
 
 
 def _likely_unit(rows: list[tuple[int, list[str]]], columns: TrackColumns) -> str:

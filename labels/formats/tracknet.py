@@ -35,7 +35,7 @@ from labels.formats.exchange import (
     whole_number,
     write_text,
 )
-from labels.formats.labelled_pictures import SamePictures
+from labels.formats.labelled_pictures import SamePictures, note_likely_size
 from labels.formats.picture_files import PictureFiles
 from labels.formats.picture_times import PictureTimes, check_numbers
 from labels.model import Label, LabelState
@@ -104,6 +104,9 @@ def read_tracknet(path: Path, context: ImportContext) -> Imported:
             times[folder] = read_frame_times(folder / FRAMES, collector) if (folder / FRAMES).is_file() else None
         if same.accept(table.file, collector) and _size_fits(table, pictures, context, collector):
             _read_table(table, times[folder], context, collector)
+            unsized = pictures.size_of_clip(table.file) is None and times[folder] is None  # frames.csv: our own export
+            if unsized and not table.columns.shares:
+                note_likely_size(table.places, context, collector)
     return collector.done()
 
 
@@ -145,6 +148,16 @@ class _Table:
         """What pictures are called or numbered, without the rows that are too short."""
         return [fields[self.columns.picture].strip() for _, fields in self.rows if len(fields) == len(self.header)]
 
+    @property
+    def places(self) -> list[tuple[float, float]]:
+        """The pixels (x, y) of the rows that say that there is a ball."""
+        found: list[tuple[float, float]] = []
+        for _, fields in self.rows:
+            with suppress(ValueError, IndexError):
+                if float(fields[self.columns.visibility]) != 0:
+                    found.append((float(fields[self.columns.x]), float(fields[self.columns.y])))
+        return found
+
 
 def _table_of(text: str, file: Path, collector: Collector) -> _Table | None:
     rows = list(table_rows(text, file, collector))
@@ -154,12 +167,13 @@ def _table_of(text: str, file: Path, collector: Collector) -> _Table | None:
         expected = f"{','.join(HEADER)} or {','.join(IMGLABEL_HEADER)} or {','.join(TENNIS_START)}, and others"
         collector.reject(file, 1, f"not a TrackNet file; expected the columns {expected}")
         return None
-    if not columns.shares and _looks_like_shares(rows[1:], columns):
+    table = _Table(file, header, columns, rows[1:])
+    if not columns.shares and _looks_like_shares(table.places):
         what = "all positions are below 1: shares of the picture where pixels belong"
         remedy = f"name the columns {','.join(IMGLABEL_HEADER)} if they are shares"
         collector.reject(file, 1, LabelError(what, remedy=remedy))
         return None
-    return _Table(file, header, columns, rows[1:])
+    return table
 
 
 def _size_fits(table: _Table, pictures: PictureFiles, context: ImportContext, collector: Collector) -> bool:
@@ -215,19 +229,13 @@ def _numbers_in(pictures: list[str]) -> set[int]:
     return found
 
 
-def _looks_like_shares(rows: list[tuple[int, list[str]]], columns: _Columns) -> bool:
+def _looks_like_shares(places: list[tuple[float, float]]) -> bool:
     """Whether there are balls with a broken position, and none of them is farther than a pixel from the corner.
 
     Such were in Chang-Chia-Chi/TrackNet-Badminton-Tracking-tensorflow2#8.
     """
-    positions: list[float] = []
-    for _, fields in rows:
-        try:
-            if float(fields[columns.visibility]) != 0:
-                positions += [float(fields[columns.x]), float(fields[columns.y])]
-        except (ValueError, IndexError):
-            continue
-    return len(positions) > 0 and all(0 <= value <= 1 for value in positions) and any(value % 1 for value in positions)
+    numbers = [number for place in places for number in place]
+    return len(numbers) > 0 and all(0 <= value <= 1 for value in numbers) and any(value % 1 for value in numbers)
 
 
 def _time_of(text: str, times: dict[int, int] | None, context: ImportContext) -> int:

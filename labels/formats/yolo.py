@@ -47,6 +47,8 @@ OUTSIDE = 0.5
 """Share of the picture by which the corner of a polygon may lie beside it (ultralytics/yolov5#10632)."""
 CVAT_FOLDER = re.compile(r"obj_\w+_data")
 LONGEST_BOX = 10.0
+LEAST_CONFIDENCE = 0.25
+"""Ultralytics' own `conf`: detections below it are not shown."""
 PARTLY_VISIBLE, WHOLLY_VISIBLE = 1, 2
 """Visibility of a keypoint: occluded, visible."""
 
@@ -116,20 +118,33 @@ def read_yolo(path: Path, context: ImportContext) -> Imported:
             balls[folder] = None
     beside = PictureFiles()
     pictures: list[Picture] = []
+    confidences: list[float] = []
     for file in files:
         name = str(file.relative_to(path)) if file != path else file.name
         ball, text = balls[file.parent], texts.get(file)
         if ball is None or text is None:  # its name still tells what the numbers of the others mean
             pictures.append(Picture(file=file, line=1, names=(name,)))
         else:
-            pictures.append(_picture_of(text, file, name, ball, beside, context))
+            pictures.append(_picture_of(text, file, name, ball, beside, confidences, context))
     add_pictures(pictures, context, collector)
+    if confidences:
+        low = sum(confidence < LEAST_CONFIDENCE for confidence in confidences)
+        text = f"{len(confidences)} boxes are detections, with confidences from {min(confidences):g}"
+        remedy = "look at the labels, or write the files with a higher conf"
+        collector.note(f"{text}, {low} of them below {LEAST_CONFIDENCE}; all became labels: {remedy}")
     return collector.done()
 
 
 def _picture_of(
-    text: str, file: Path, name: str, ball: BallClass, beside: PictureFiles, context: ImportContext
+    text: str,
+    file: Path,
+    name: str,
+    ball: BallClass,
+    beside: PictureFiles,
+    confidences: list[float],
+    context: ImportContext,
 ) -> Picture:
+    """The picture of a text; the confidences of its boxes are added to `confidences` as they become labels."""
     lines = [(number, line.split()) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
 
     def whole(place: Place) -> Label | None:
@@ -141,11 +156,15 @@ def _picture_of(
         unsure = CVAT_FOLDER.fullmatch(file.parent.name) is not None or context.empty_pictures is not None
         return context.unannotated(place.t_us) if unsure else context.make(place.t_us, LabelState.NO_BALL)
 
-    shapes = [DrawnShape(number, partial(_label_of_line, fields, ball, context)) for number, fields in lines]
+    shapes = [
+        DrawnShape(number, partial(_label_of_line, fields, ball, confidences, context)) for number, fields in lines
+    ]
     return Picture(file=file, line=1, names=(name,), whole=whole, shapes=shapes)
 
 
-def _label_of_line(fields: list[str], ball: BallClass, context: ImportContext, place: Place) -> Label:
+def _label_of_line(
+    fields: list[str], ball: BallClass, confidences: list[float], context: ImportContext, place: Place
+) -> Label:
     _refuse_rows_of_mot(fields)
     if whole_number(fields[0], "the class") != ball.number:
         raise LabelError(f"class {fields[0]} is not {context.ball_class or CLASS_NAME!r}")
@@ -153,7 +172,21 @@ def _label_of_line(fields: list[str], ball: BallClass, context: ImportContext, p
     if not all(-OUTSIDE <= number <= 1.0 + OUTSIDE for number in numbers[:4]):
         remedy = "are these pixels, where shares belong?" if max(numbers) > 2 else ""
         raise LabelError("outside the picture", expected="shares, 0 to 1", got=numbers[:4], remedy=remedy)
-    return _label_of(numbers, ball, place.t_us, context)
+    label = _label_of(numbers, ball, place.t_us, context)
+    confidences += _confidence_in(numbers, ball)
+    return label
+
+
+def _confidence_in(numbers: list[float], ball: BallClass) -> list[float]:
+    """The confidence in what follows the class on a line that is read; empty without one."""
+    keypoint, count = ball.keypoint_numbers, len(numbers)
+    if keypoint is None:
+        keypoint = 3 if count == 7 else 0
+    if keypoint:
+        return numbers[-1:] if count == 5 + keypoint else []
+    # A box may have the number of its track after the confidence; of a polygon an odd number is left over.
+    track = count == 6 and numbers[5] != 0 and numbers[5].is_integer()
+    return numbers[4:5] if track else numbers[-1:] if count % 2 else []
 
 
 def _check_shape(size: tuple[int, int] | None, context: ImportContext) -> None:

@@ -489,3 +489,31 @@ def test_a_confidence_that_stands_first_is_no_column(tmp_path: Path) -> None:
     files = {"classes.txt": "ball\n", "frame_000001.txt": f"0 {BALL} 0.9\n", "frame_000002.txt": f"0 0.9 {BALL}\n"}
     made = import_files(tmp_path, "yolo", files)
     assert made.rows == [pytest.approx(AT)] and "the confidence seems to stand first" in made.said
+
+
+def test_detections_among_yolo_labels_are_counted_by_their_confidence(tmp_path: Path) -> None:
+    texts = [f"0 {BALL} 0.9\n", f"0 {BALL} 0.04 3\n", f"0 {BALL} 0.2\n", f"0 {BALL}\n"]
+    files = {f"frame_00000{k}.txt": text for k, text in enumerate(texts, start=1)}
+    made = import_files(tmp_path, "yolo", {"classes.txt": "ball\n", **files})
+    assert len(made.rows) == 4
+    assert "3 boxes are detections, with confidences from 0.04, 2 of them below 0.25" in made.said
+
+
+SMALL = [(10_000 * k, 20 + 40 * k, 20 + 20 * k) for k in range(12)]
+"""A ball on its way through pictures of 512x288."""
+
+
+@pytest.mark.parametrize(
+    ("kind", "text"),
+    [
+        ("tracknet", "Frame,Visibility,X,Y\n" + "".join(f"{k},1,{x},{y}\n" for k, (_, x, y) in enumerate(SMALL))),
+        ("csv", "t_us,x,y\n" + "".join(f"{t_us},{x},{y}\n" for t_us, x, y in SMALL)),
+    ],
+)
+def test_a_track_that_may_be_of_smaller_pictures_names_their_size(kind: str, text: str, tmp_path: Path) -> None:
+    said = import_files(tmp_path / "a", kind, {"a.csv": text}).notes
+    assert [note for note in said if "all 12 positions lie within 512x288" in note and "--picture-size 512x288" in note]
+    stated = import_files(tmp_path / "b", kind, {"a.csv": text}, "--picture-size", "512x288")
+    assert len(stated.rows) == 12 and not any("lie within" in note for note in stated.notes)
+    larger = text + ("12,1,900,500\n" if kind == "tracknet" else "120000,900,500\n")
+    assert not any("lie within" in note for note in import_files(tmp_path / "c", kind, {"a.csv": larger}).notes)

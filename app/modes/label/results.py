@@ -30,7 +30,12 @@ STYLE: Final = "padding:2px 12px;font-size:12.5px;line-height:1.45"
 
 STORE: Final = "store"
 STORE_TITLE: Final = "Label store (all annotators)"
-FORMAT_HINT: Final = "A ZIP of your labels in this camera. The store has all cameras, annotators and changes"
+FORMAT_HINT: Final = (
+    "A ZIP of your labels in this camera. CSV and JSON hold all; the others lose uncertainties, most also contacts. "
+    "The store has all cameras, annotators and changes"
+)
+FIRST_FORMAT: Final = "csv"
+"""What is downloaded without a choice loses nothing."""
 
 
 class LabelResultsPanel:
@@ -45,7 +50,9 @@ class LabelResultsPanel:
             scoring = gui.add_button(
                 "Score the detector", icon=viser.Icon.TARGET, hint="Tune's method and config against your labels here"
             )
-            self._format = gui.add_dropdown("Format", tuple(self._titles.values()), hint=FORMAT_HINT)
+            self._format = gui.add_dropdown(
+                "Format", tuple(self._titles.values()), initial_value=self._titles[FIRST_FORMAT], hint=FORMAT_HINT
+            )
             self._pictures = gui.add_checkbox(
                 "With pictures", False, hint="A PNG of the events of each label; CSV has none"
             )
@@ -61,7 +68,7 @@ class LabelResultsPanel:
     @property
     def format(self) -> str:
         """Name of the chosen format."""
-        return next((name for name, title in self._titles.items() if title == self._format.value), "voc")
+        return next((name for name, title in self._titles.items() if title == self._format.value), FIRST_FORMAT)
 
     @property
     def pictures(self) -> bool:

@@ -1,5 +1,6 @@
 """Labels as one ZIP file of another tool's format."""
 
+import dataclasses
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -7,14 +8,16 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import viser
 
 from app.export.unfinished import ExportCancelledError
 from app.modes.label.label_files import LabelFilesRequest, write_label_files, zip_label_files
+from app.modes.label.results import LabelResultsPanel
 from app.modes.label.sources import sources_of
 from core.errors import LabelError
 from core.recordings import open_recording
 from labels.formats import FORMATS, ExportOptions, ImportContext
-from labels.model import Label, LabelState
+from labels.model import ContactKind, ContactLabel, Label, LabelState
 
 
 @pytest.fixture
@@ -72,3 +75,18 @@ def test_nothing_is_left_of_an_export_without_labels_or_one_that_is_cancelled(
     with pytest.raises(ExportCancelledError):
         zip_label_files(ask("voc"), tmp_path / "a.zip", lambda share: None, lambda: True)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_downloaded_without_a_choice_loses_nothing(
+    ask: Callable[..., LabelFilesRequest], tmp_path: Path
+) -> None:
+    server = viser.ViserServer("127.0.0.1", 0, verbose=False)
+    try:
+        chosen = LabelResultsPanel(server.gui, *[lambda: None] * 3).format
+    finally:
+        server.stop()
+    label = Label(t_us=5, state=LabelState.VISIBLE, x_px=1.0, y_px=2.0, r_px=3.0, covariance_px2=(1.0, 0.0, 1.0))
+    contacts = (ContactLabel(t_us=6, kind=ContactKind.BOUNCE, sigma_us=100.0),)
+    whole = dataclasses.replace(ask(chosen, labels=(label,)), contacts=contacts)
+    made = write_label_files(whole, tmp_path)
+    assert made.losses == () and (made.labels, made.contacts) == (1, 1)
