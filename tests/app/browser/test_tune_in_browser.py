@@ -8,10 +8,11 @@ import pytest
 from app.modes.tune import settings
 from app.pictures.canvas import Region
 from app.state.commands import SetMethod, SetOverlay, SetZoom, UseConfig
-from core.config import get_setting
+from core.config import get_setting, replace_setting
 from core.detection import DetectorConfig, refined_config
-from core.detection.saved import load_detector
-from tests.app.browser.window import choose_in, count_like, wait_until_sent
+from core.detection.saved import RIMLESS, load_detector
+from core.metrics.run import MethodSample
+from tests.app.browser.window import ARTIFACTS, choose_in, count_like, wait_until_sent
 from tests.waiting import eventually
 
 YELLOW, GREEN = (255, 225, 60), (165, 225, 40)
@@ -45,6 +46,22 @@ def test_it_begins_with_refined_and_the_file_that_is_saved_names_it(window, work
     window.page.get_by_text("Saved as mine").wait_for()
     path = workspace.root / "configs" / "mine.toml"
     assert load_detector(path) == ("refined", refined_config()) == window.state.detector
+
+
+def test_the_settings_for_a_ball_without_a_rim_are_offered_and_undone(window, monkeypatch) -> None:
+    where = "app.modes.tune.nothing_found"
+    monkeypatch.setattr(f"{where}.best_other", lambda *_: None)
+    monkeypatch.setattr(f"{where}.sample_rimless", lambda *_: MethodSample("refined", 300, 215, ()))
+    strict = replace_setting(refined_config(), ("refined", "points_min"), 200)
+    window.session.send(UseConfig(strict, "refined"))
+    window.seek(BALL_US)
+    window.press("Tune")
+    window.page.get_by_text("with the settings for a ball without a rim: 72").wait_for()
+    window.page.screenshot(path=ARTIFACTS / "tune-rimless.png")
+    window.press("Use the settings for a ball without a rim")
+    eventually(lambda: window.state.config == load_detector(RIMLESS).config, "the settings")
+    window.press("Undo")
+    eventually(lambda: window.state.config == strict, "undone")
 
 
 def use_defaults(tune) -> None:
