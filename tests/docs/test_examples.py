@@ -19,6 +19,7 @@ from core.data_sets.plan import Making
 from core.events import SensorSize
 from core.recordings import open_recording
 from labels import LabelStore
+from tests.sizes import BROWSER_TIMEOUT_S
 from tests.waiting import PATIENCE_S
 
 ROOT = Path(__file__).parents[2]
@@ -156,11 +157,12 @@ def test_four_cameras_are_imported_calibrated_labelled_tracked_and_exported(tmp_
 
 
 @pytest.mark.gate
+@pytest.mark.timeout(BROWSER_TIMEOUT_S)  # eight programs one after another, each of which loads all it needs
 def test_a_stereo_pair_goes_from_event_files_to_a_prediction(tmp_path: Path) -> None:
     """The verbs read what the others write; the prediction is held against the truth, which they did not see."""
     done = subprocess.run(
         ["bash", str(EXAMPLES / "stereo_pair.sh"), str(tmp_path / "out")],
-        capture_output=True, text=True, timeout=PATIENCE_S, cwd=tmp_path,
+        capture_output=True, text=True, cwd=tmp_path,
         env={**os.environ, "PYTHONPATH": str(ROOT), "RALLYSCOPE": f"{sys.executable} -m app.cli"},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

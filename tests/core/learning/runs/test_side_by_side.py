@@ -14,6 +14,7 @@ from core.jobs import ALONE, JobBackend
 from core.learning.config import CurriculumConfig, EnvironmentConfig, RunConfig
 from core.learning.runs.run_files import Control, create_run, read_lines, read_status, seed_files, write_control
 from core.learning.runs.running import run_training
+from tests.sizes import BROWSER_TIMEOUT_S
 from tests.waiting import eventually
 
 SEEDS = (4, 5, 6)
@@ -78,6 +79,7 @@ def test_they_are_the_same_to_the_last_byte(run: Path, in_turn: dict[str, bytes]
 
 
 @pytest.mark.gate
+@pytest.mark.timeout(BROWSER_TIMEOUT_S)  # workers are started twice, and one seed begins anew
 def test_a_worker_that_is_killed_costs_nothing(run: Path, in_turn: dict[str, bytes]) -> None:
     killed: list[int] = []
 
