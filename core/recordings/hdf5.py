@@ -73,7 +73,13 @@ def dataset_at(parent: h5py.Group, name: str) -> h5py.Dataset:
     with hdf5_errors(f"dataset {name} cannot be read", place_of(parent)):
         elsewhere = bool(item.is_virtual or item.external)
     if elsewhere:
-        raise RecordingError(f"dataset {name} lies in another file", where=place_of(parent))
+        what, remedy = f"dataset {name} holds no values of its own", "write the values themselves into the file"
+        kind = (
+            "a virtual dataset, a view of others in this or another file"
+            if item.is_virtual
+            else "values in another file"
+        )
+        raise RecordingError(what, got=kind, where=place_of(parent), remedy=remedy)
     return item
 
 

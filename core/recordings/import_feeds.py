@@ -26,7 +26,7 @@ from core.recordings.import_facts import EventCounts
 from core.recordings.recording import Triggers
 from core.recordings.sources import EventSource, open_sources
 from core.recordings.sources.folders import camera_names
-from core.recordings.sources.source import DecodeReport, ImportOptions, PictureTrack
+from core.recordings.sources.source import TIME_UNIT, DecodeReport, FactOrigin, ImportOptions, PictureTrack
 
 _NAMESPACE: Final = uuid.UUID("9b1d7f5e-6a43-4d0e-9f0b-3f5d4f1f6c11")
 _SAMPLES: Final = 64
@@ -57,6 +57,13 @@ _FARTHEST_US: Final = 1 << 61
 """Largest offset between clocks: sums with times of files stay within 64 bits."""
 _UNRELATED_US: Final = 3_600_000_000
 """Clocks of the cameras of one rig are not further apart than this."""
+
+_UNIT_FACTORS: Final = (1e3, 1e6)
+"""Between two units of time, of ns, us, ms and s."""
+_ALIKE: Final = 2.0
+"""Largest factor between what two cameras of one rig see, once their times have one unit."""
+_LEAST_EVENTS: Final = 20
+"""So many events or fewer tell nothing of a unit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -275,3 +282,38 @@ def common_zero_us(feeds: Sequence[Feed]) -> int:
         apart = " and ".join(f"{feed.name} begins at {feed.first_us} us" for feed in feeds)
         raise RecordingError("the clocks have nothing in common", got=apart, remedy="give --offset-us")
     return min(firsts, default=0)
+
+
+def refuse_other_unit(feeds: Sequence[Feed]) -> None:
+    """The times of one file are not in a unit that is 1000 or a million times another file's.
+
+    Then one camera would be as much longer than another, with about as many events.
+
+    Raises:
+        RecordingError: if they seem to be, and the unit of one is assumed.
+    """
+    seen = sorted((feed for feed in feeds if feed.counts.events > _LEAST_EVENTS), key=_span_us)
+    if len(seen) < 2 or not any(_unit_is_assumed(feed) for feed in seen):
+        return
+    short, long = seen[0], seen[-1]
+    longer = _span_us(long) / max(1, _span_us(short))
+    more = long.counts.events / short.counts.events
+    alike = 1 / _ALIKE < more < _ALIKE
+    if alike and any(factor / _ALIKE < longer < factor * _ALIKE for factor in _UNIT_FACTORS):
+        got = f"{_span_us(short) / 1e6:g} s of {short.file} and {_span_us(long) / 1e6:g} s of {long.file}"
+        raise RecordingError(
+            f"the times of one file are about {longer:,.0f} times those of the other, with about as many events",
+            expected="times in the same unit",
+            got=got,
+            remedy="name the unit in the heading of the time (t_ns, t_us), or write both in one unit",
+        )
+
+
+def _span_us(feed: Feed) -> int:
+    first_us, last_us = feed.counts.first_us, feed.counts.last_us
+    return 0 if first_us is None or last_us is None else last_us - first_us
+
+
+def _unit_is_assumed(feed: Feed) -> bool:
+    fact = feed.report.facts.get(TIME_UNIT)
+    return fact is not None and fact.origin == FactOrigin.ASSUMED

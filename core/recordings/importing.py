@@ -19,7 +19,7 @@ from core.errors import CalibrationError, RecordingError
 from core.events import Events, SensorSize
 from core.recordings.frame_import import FRAME_CAMERA, FrameInput, first_image_size, read_frame_times, read_images
 from core.recordings.import_facts import ImportFacts, SourceFacts, source_facts, unused_options
-from core.recordings.import_feeds import Feed, ImportOrder, common_zero_us, merged, open_feeds
+from core.recordings.import_feeds import Feed, ImportOrder, common_zero_us, merged, open_feeds, refuse_other_unit
 from core.recordings.recording import Triggers
 from core.recordings.sources.piped_sources import files_of_pipes
 from core.recordings.sources.source import FactOrigin
@@ -97,7 +97,7 @@ class _Plan:
         notes = [*self.remarks, f"Imported from {files} ({formats})."]
         for feed in feeds:
             if feed.first_us is None:
-                notes.append(f"Camera {feed.name} has no events.")
+                notes.append(f"Camera {feed.name} has no events: {feed.file} holds none.")
             notes += [*feed.report.notes, *unused_options(feed.source, feed.report)]
         starts = [feed.first_us for feed in feeds if feed.first_us is not None]
         if len(starts) > 1 and max(starts) - min(starts) > min(feed.last_us for feed in feeds):
@@ -274,6 +274,7 @@ def _parts(plan: _Plan, stopped: Callable[[], bool]) -> Iterator[tuple[str, Even
         yield feed.name, part
     if not plan.complete:
         return
+    refuse_other_unit(plan.feeds)
     for feed in plan.feeds:
         for name, pictures in feed.pictures:
             for picture in pictures.read(feed.report):

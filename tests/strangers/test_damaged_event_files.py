@@ -6,6 +6,7 @@ import faery
 import numpy as np
 import pytest
 
+from core.errors import RecordingError
 from core.recordings import open_recording
 from tests.strangers import event_files as make
 from tests.strangers.test_event_reports import BLUE, DAVIS, HEAD2, VGA, import_file, np_split
@@ -21,6 +22,16 @@ def test_the_parts_of_an_event_stream_behind_lost_bytes_keep_their_steps(tmp_pat
         found = recording.cameras["camera"].slice(0, 10**9)
     np.testing.assert_array_equal(np.diff(found.t_us[-1400:]), np.diff(VGA.t[-1400:]))
     np.testing.assert_array_equal(found.y_px[-1400:], VGA.y[-1400:])
+
+
+@pytest.mark.parametrize(("body", "said"), [(bytes(64), "all bytes behind the header are 0"), (b"", "")])
+def test_a_raw_file_of_zeros_is_refused_and_one_without_a_word_is_noted(tmp_path, body, said):
+    path = make.write(tmp_path / "a.raw", HEAD2, body)
+    if said:
+        with pytest.raises(RecordingError, match=said):
+            import_file([path], tmp_path / "out.h5")
+    else:
+        assert "Camera camera has no events: a.raw holds none." in import_file([path], tmp_path / "out.h5").notes
 
 
 def aedat4_packets(data: bytes) -> list[tuple[int, int]]:

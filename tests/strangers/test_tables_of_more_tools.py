@@ -61,6 +61,16 @@ def blocks(path: Path) -> Path:
     return path
 
 
+def linked(path: Path, name: str) -> Path:
+    """Events of which a part is a link to a file that is gone."""
+    with h5py.File(path, "w") as file:
+        for column, values in VGA._asdict().items():
+            file[f"events/{column}"] = values
+        del file[name]
+        file[name] = h5py.ExternalLink("gone.h5", name)
+    return path
+
+
 def records_beside_others(path: Path) -> Path:
     """Records of events, times in ms, and other arrays."""
     records = np.zeros(len(VGA.t), [("x", "<u2"), ("y", "<u2"), ("t", "<f8"), ("p", "<u1"), ("label", "<u1")])
@@ -173,6 +183,13 @@ REFUSED: dict[str, tuple[Write, str]] = {
         lines(lambda t, x, y, p: f"{t / 1e6:.6f},{x},{y},{p}", "t_us,x,y,p"),
         "the times cannot be microseconds, which the file states",
     ),
+    # A link whose file is gone was an AttributeError; a time of day was said to be no event, and no more.
+    "own variation: a broken link": (lambda p: linked(p, "events"), "it links to other files; got events -> gone.h5"),
+    "own variation: a broken link in a group": (lambda p: linked(p, "events/x"), "it links to other files; got x -> "),
+    "own variation: times of day": (
+        lines(lambda t, x, y, p: f"12:00:00.{t:06},{x},{y},{p}"),
+        "are not events.*write the date before the time of day",
+    ),
     "own variation: what is no date": (lines(lambda t, x, y, p: f"2025-13-01 25:00:00,{x},{y},{p}"), "are not events"),
 }
 
@@ -201,6 +218,11 @@ def test_a_table_that_cannot_be_read_is_refused_with_the_cause(report: str, tmp_
 
 
 NOTED: dict[str, tuple[Write, str]] = {
+    # The same file twice in one: was sorted, without a word.
+    "own variation: every row twice": (
+        lambda p: make.write(p, pd.concat([FRAME, FRAME]).to_csv(index=False).encode()),
+        "are there a second time, with equal t, x, y and polarity; was the file written twice",
+    ),
     # A spreadsheet that keeps six digits of a time: was read without a word, all events at four times.
     "own variation: 1.00003E+10": (
         lines(lambda t, x, y, p: f"{1e10 + t:.5E},{x},{y},{p}"),

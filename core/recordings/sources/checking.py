@@ -27,6 +27,11 @@ DISORDER_US: Final = 1_000_000
 _MIN_ROWS: Final = 1 << 14
 """Parts are judged together up to this number, so that there are neighbours to look at."""
 NO_WRAPS: Final[tuple[int, ...]] = ()
+_DOUBLE_SHARE: Final = 0.4
+"""Share of events that are there a second time from which on a table seems to hold its rows twice."""
+_LEAST_LOOK: Final = 100
+_DOUBLE_LOOK: Final = 1 << 17
+"""Events, from the first one, that are looked at for that."""
 OUTSIDE: Final = "outside the sensor"
 WRONG_TIME: Final = "wrong time"
 CUT_SHORT: Final = "bytes at the end"
@@ -69,7 +74,26 @@ def check_table(
         RecordingError: if time runs further back, or more than 1 % of the rows have a wrong time or address.
     """
     check = _Check(sensor, report, where, DISORDER_US, MAX_TIME_US, clock_lengths_us, table=True)
-    yield from _sorted_parts(check.events(parts), sensor)
+    looked, doubles = 0, 0
+    for part in _sorted_parts(check.events(parts), sensor):
+        if looked < _DOUBLE_LOOK:  # rows that are there twice are so everywhere
+            some = slice(0, _DOUBLE_LOOK - looked)
+            doubles += _count_doubles(part.t_us[some], part.x_px[some], part.y_px[some], part.on[some])
+            looked += min(len(part), _DOUBLE_LOOK - looked)
+        yield part
+    if looked > _LEAST_LOOK and doubles > _DOUBLE_SHARE * looked:
+        text = f"{doubles:,} of the first {looked:,} events are there a second time, with equal t, x, y and polarity"
+        report.notes.append(f"{where}: {text}; was the file written twice? All are kept.")
+
+
+def _count_doubles(t_us: NDArray, x_px: NDArray, y_px: NDArray, on: NDArray) -> int:
+    """How many of the events (N,) are equal to another one before them."""
+    order = np.lexsort((on, x_px, y_px, t_us))
+    columns = [column[order] for column in (t_us, x_px, y_px, on)]
+    equal = np.ones(max(0, len(order) - 1), np.bool_)
+    for column in columns:
+        equal &= column[1:] == column[:-1]
+    return int(np.count_nonzero(equal))
 
 
 def without_padding(rows: NDArray) -> tuple[NDArray, int]:

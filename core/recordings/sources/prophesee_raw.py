@@ -122,11 +122,12 @@ def _decode(
 ) -> Iterator[Events]:
     state: NDArray | None = None
     done, events_read, stopped = header.size_bytes, 0, False
-    displaced, over, size = 0, b"", kind.word.itemsize
+    displaced, over, size, zeros = 0, b"", kind.word.itemsize, True
     with path.open("rb") as file:
         end = os.fstat(file.fileno()).st_size
         file.seek(done)
         while not stopped and (data := file.read(_BLOCK_BYTES)):
+            zeros = zeros and not data.strip(b"\0")
             data = over + data
             # A lost byte would shift every word that follows.
             if kind.realigned is not None:
@@ -155,6 +156,14 @@ def _decode(
     if done != end and not stopped:
         note = f"{path.name}: the last {end - done} bytes are not a whole word; the file was cut short."
         report.leave_out(CUT_SHORT, end - done, note)
+    if zeros and end > header.size_bytes:
+        count = end - header.size_bytes
+        raise RecordingError(
+            "no events could be read: all bytes behind the header are 0",
+            got=f"{count:,} bytes",
+            where=path,
+            remedy="was the file copied to its end?",
+        )
     if state is not None:
         _say_left_out(path, state, sensor, events_read, report, damaged=stopped)
     report.share = 1.0

@@ -104,7 +104,8 @@ def _open_hdf5(path: Path, sensor: SensorSize | None) -> list[EventSource]:
             groups = ", ".join(map(str, file)) or "nothing"
             if "rallyscope" in str(file.attrs.get("format", "")):
                 raise RecordingError("it is a recording already", where=path, remedy="open it as it is")
-            frames = [str(name) for name, item in file.items() if "pandas_type" in item.attrs]
+            frames = [str(name) for name, item in file.items() if item is not None and "pandas_type" in item.attrs]
+            elsewhere = _links_to_other_files(file)
             metavision, sony = isinstance(file.get("CD/events"), h5py.Dataset), is_sony_file(file)
         if metavision:
             found = open_metavision_hdf5(path, sensor)
@@ -120,8 +121,20 @@ def _open_hdf5(path: Path, sensor: SensorSize | None) -> list[EventSource]:
         raise RecordingError(
             what, expected="a column or a field each for t, x, y and p", got=got, where=path, remedy=remedy
         )
+    if found is None and elsewhere:
+        what, remedy = "no events in the file itself: it links to other files", "write the values themselves into it"
+        raise RecordingError(what, got=", ".join(elsewhere)[:200], where=path, remedy=remedy)
     if found is None:
         raise RecordingError("no events in a layout that is known", got=f"an HDF5 file of {groups}", where=path)
+    return found
+
+
+def _links_to_other_files(file: h5py.File) -> list[str]:
+    """The links at the root and in its groups, with the files that they name."""
+    found: list[str] = []
+    for group in (file, *(item for item in file.values() if isinstance(item, h5py.Group) and item.file == file)):
+        links = {name: group.get(name, getlink=True) for name in group}
+        found += [f"{name} -> {one.filename}" for name, one in links.items() if isinstance(one, h5py.ExternalLink)]
     return found
 
 

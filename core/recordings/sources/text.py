@@ -41,6 +41,8 @@ _SAMPLE_LINES: Final = 2_000
 _COMMA_IN_QUOTES: Final = re.compile(r"(?<=[\"'])(-?\d+),(\d+)(?=[\"'])")
 _NUMBER_IN_QUOTES: Final = re.compile(r"(?<=[\"'])-?\d+(?:,\d+)+(?=[\"'])")
 _THOUSANDS: Final = re.compile(r"-?[1-9]\d{0,2}(,\d{3})+")
+_CLOCK: Final = re.compile(r"(?<![\d:T-])(?<!\d )\d{1,2}:\d\d:\d\d(?!:)")
+"""A time of day without a date."""
 _DATE: Final = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 _BRACKETS: Final = str.maketrans("", "", "()[]{}\"'")
@@ -307,7 +309,8 @@ def _decode(path: Path, layout: _Layout, report: DecodeReport) -> Iterator[RawCo
             report.share = min(1.0, read / size)
     if odd > allowed_odd(rows + odd):
         what = f"{odd:,} of {rows + odd:,} lines are not events"
-        raise RecordingError(what, got=f"first {first_odd}", where=path)
+        remedy = "write the date before the time of day, as 2025-01-31 12:00:00.5" if _CLOCK.search(first_odd) else ""
+        raise RecordingError(what, got=f"first {first_odd}", where=path, remedy=remedy)
     note = f"{path.name}: {odd:,} lines are not events and were left out; first {first_odd}."
     report.leave_out("lines that are no events", odd, note)
 

@@ -303,3 +303,14 @@ def test_frame_times_that_cannot_be_told_are_refused(tmp_path, text, said):
     (tmp_path / "times.csv").write_text(text)
     with pytest.raises(RecordingError, match=said):
         read_frame_times(tmp_path / "times.csv")
+
+
+@pytest.mark.parametrize("factor", [1000, 1_000_000])
+def test_two_tables_in_different_units_are_refused_where_one_of_them_is_assumed(tmp_path, factor):
+    paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    for path, scale in zip(paths, (1, factor), strict=True):
+        rows = "".join(f"{7 * scale * k + 11},{k % 300},{k % 200},{k % 2}\n" for k in range(3000))
+        path.write_text(f"t,x,y,p\n{rows}")
+    with pytest.raises(RecordingError, match=f"about {factor:,} times those of the other.*name the unit"):
+        import_recording(ImportOrder(paths, sensor=SENSOR), tmp_path / "a.h5")
+    assert not (tmp_path / "a.h5").exists()
