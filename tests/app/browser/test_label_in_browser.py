@@ -1,6 +1,7 @@
 """Label, in a real browser. The screenshots are kept under test-artifacts/."""
 
 import math
+import re
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import fields
@@ -398,7 +399,9 @@ def test_contacts_are_proposed_accepted_set_and_moved_by_keys_and_reached_from_a
     heading = page.get_by_text("Bounces, hits and net")
     assert page.get_by_role("button", name="Remove", exact=True).bounding_box()["y"] < 700, "in sight at 1280 x 720"
     labelling.keys("Home", "i")
-    page.get_by_text("0 labelled, 1 proposed").wait_for()  # the bounce of the serve
+    counted = page.get_by_text(re.compile(r"\d+ labelled, \d+ proposed|propos(ing|als):"))
+    bounce = page.get_by_text("0 labelled, 1 proposed")
+    eventually(bounce.is_visible, "the bounce of the serve", lambda: (counted.all_inner_texts(), work.t_us))
     page.get_by_text("proposed by refined").wait_for()
     heading.scroll_into_view_if_needed()
     labelling.window.screenshot("label-contacts-proposed")

@@ -381,8 +381,9 @@ def use_refined(tune, config: DetectorConfig) -> None:
 def methods_are_compared_over_the_recording_and_a_click_on_a_miss_jumps_there(tune) -> None:
     config = refined_config()  # which finds every ball of this recording: it misses what is larger than its largest
     use_refined(tune, replace(config, refined=replace(config.refined, radius_max_px=4.0)))
-    tune.field("paper").click()
-    eventually(lambda: tune.state.tune.compared == ("auto", "paper", "refined"), "the third method")
+    tune.field("paper").check()
+    compared = ("auto", "paper", "refined")
+    eventually(lambda: tune.state.tune.compared == compared, "the third method", lambda: tune.state.tune.compared)
     tune.screenshot("compare-form")
     tune.press("Compare over time")
     tune.page.get_by_text("against the truth").wait_for()
