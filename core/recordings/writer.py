@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from core.cameras import Camera
 from core.errors import RecordingError
-from core.events import Events, SensorSize
+from core.events import CameraFrame, Events, SensorSize
 from core.files import POSIX
 from core.recordings import layout
 from core.recordings.blocks import CHUNK_EVENTS, pack_column
@@ -114,6 +114,7 @@ class RecordingWriter:
         self._cameras = {name: CameraBuffer(sensor) for name, sensor in cameras.items()}
         self._last_row_us: dict[str, int] = {}
         self._row_counts: dict[str, int] = {}
+        self._picture_shapes: dict[str, tuple[int, ...]] = {}
         self._duration_us = 0
         self._file = GrowingFile(self.path, overwrite=overwrite)
         # Threads do: zlib lets go of the interpreter's lock.
@@ -210,10 +211,22 @@ class RecordingWriter:
             t_us: (N,) middle of each exposure.
             exposure_us: (N,) lengths.
             images: (N, height, width) or (N, height, width, 3), RGB.
+
+        Raises:
+            RecordingError: if they are of another size than those before, or time runs backwards.
         """
         self._buffer(camera)
+        shape, got = self._picture_shapes.setdefault(camera, images.shape[1:]), images.shape[1:]
+        if got != shape:
+            where = f"{self.path}, camera {camera}"
+            raise RecordingError("pictures of another size", expected=shape, got=got, where=where)
         rows = {"t_us": t_us.astype(np.int64), "exposure_us": exposure_us.astype(np.int64), "image": images}
         self.append_rows(layout.frames_group(camera), rows)
+
+    def write_frame(self, camera: str, frame: CameraFrame, zero_us: int) -> None:
+        """Add a picture as `write_frames` does, with times on a clock that begins at `zero_us` of the picture's."""
+        t_us, exposure_us = np.array([frame.t_us - zero_us]), np.array([frame.exposure_us])
+        self.write_frames(camera, t_us, exposure_us, frame.image[None])
 
     def note(self, text: str) -> None:
         """Say something that a reader of the recording should know."""
