@@ -137,12 +137,19 @@ class LiveRecorder:
         welcome = source.welcome
         self._source, self._session, self._seed = source, welcome.session, welcome.seed
         sensors = {info.name: info.sensor for info in welcome.cameras}
+        pictures_only = [info.name for info in welcome.frame_cameras if info.name not in sensors]
         for info in welcome.frame_cameras:  # one that takes its pictures through an event camera's lens has its name
             sensors.setdefault(info.name, info.sensor)
         calibration = welcome.calibrated_frame_cameras() | welcome.calibrated()
         config = {"source": source.description, "session": welcome.session}
         self._writer = RecordingWriter(
-            self.path, sensors, calibration=calibration, seed=welcome.seed, config=config, overwrite=overwrite
+            self.path,
+            sensors,
+            calibration=calibration,
+            seed=welcome.seed,
+            config=config,
+            overwrite=overwrite,
+            frame_cameras=pictures_only,
         )
         self._player = player
         self._decision: RacketDecision | None = None  # the writer's thread only

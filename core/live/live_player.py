@@ -401,7 +401,9 @@ class LivePlayer:
         state = block.state
         speed = 0.0 if state.paused else state.speed_factor * state.kept_share
         with self._changed:  # the link's thread counts too
-            looks = not self._blocks_waiting and self._frame_cameras.has_time(found, speed)
+            # A robot is not to wait for a try.
+            fits = self._frame_cameras.has_time(found, speed, tries=not self._playing)
+            looks = fits and not self._blocks_waiting
             self._meter.note_pictures(sum(map(len, found.values())), looked_at=looks)
         return found if looks else {}
 

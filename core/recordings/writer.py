@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import uuid as uuids
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from types import TracebackType
@@ -92,6 +92,7 @@ class RecordingWriter:
         time_offsets_us: Mapping[str, int] | None = None,
         uuid: str | None = None,
         overwrite: bool = False,
+        frame_cameras: Collection[str] = (),
     ) -> None:
         """Start a recording of the named cameras.
 
@@ -104,6 +105,7 @@ class RecordingWriter:
             time_offsets_us: by camera; its own clock is the recording's plus this.
             uuid: its identity, to which labels refer; None: a new one.
             overwrite: whether a file there may be replaced.
+            frame_cameras: those that take pictures only; one that never does is no event camera without events then.
 
         Raises:
             RecordingError: if the file exists and `overwrite` is not set, or it cannot be made.
@@ -130,6 +132,7 @@ class RecordingWriter:
             "cameras": {name: [sensor.width_px, sensor.height_px] for name, sensor in cameras.items()},
             "calibration": {name: layout.calibration_values(camera) for name, camera in (calibration or {}).items()},
             "time_offsets_us": {name: int(offset) for name, offset in (time_offsets_us or {}).items()},
+            "frame_cameras": [*frame_cameras],
         }
         self._flushes = 0
         try:

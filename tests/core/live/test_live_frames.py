@@ -260,13 +260,18 @@ def test_a_player_that_is_behind_looks_at_no_pictures_and_counts_them(
 def test_a_detector_that_is_too_slow_for_the_source_is_tried_again_after_some_pictures() -> None:
     frames = LiveFrameCameras(None)
     timed = frames._detectors[FRAMES] = TimedLooks(NoBall())
-    assert frames.has_time([FRAMES], 20.0), "nothing is known of it yet"
+
+    def has_time(speed: float, *, tries: bool = True) -> bool:
+        return frames.has_time([FRAMES], speed, tries=tries)
+
+    assert has_time(20.0), "nothing is known of it yet"
     timed.took_s = 0.09
-    assert not frames.has_time([FRAMES], 1.0) and frames.has_time([FRAMES], 0.25), "slower than real time it is not"
-    tries = [frames.has_time([FRAMES], 1.0) for _ in range(2 * TRY_AGAIN)]
+    assert not has_time(1.0) and has_time(0.25), "slower than real time there is time"
+    tries = [has_time(1.0) for _ in range(2 * TRY_AGAIN)]
     assert np.flatnonzero(tries).tolist() == [TRY_AGAIN - 1, 2 * TRY_AGAIN - 1]
+    assert not any(has_time(1.0, tries=False) for _ in range(2 * TRY_AGAIN)), "a robot is not to wait for a try"
     timed.took_s = 0.01
-    assert frames.has_time([FRAMES], 1.0)
+    assert has_time(1.0, tries=False)
 
 
 def frame(t_us: int, value: int = 0) -> CameraFrame:
@@ -341,4 +346,6 @@ def test_pictures_for_which_the_disk_is_too_slow_are_left_out_and_a_note_says_so
             f"{len(halting.pictures)} pictures of frame cameras are left out: they came faster than they could be "
             "written.",
         )
-        assert not again.frames and again.cameras[EVENT_CAMERAS[0]].event_count > 1000
+        assert again.cameras[EVENT_CAMERAS[0]].event_count > 1000
+        assert list(again.cameras) == list(EVENT_CAMERAS), "one without pictures is no event camera"
+        assert len(again.frames[FRAMES]) == 0 and frame_cameras(again) == {}
