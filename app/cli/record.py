@@ -139,7 +139,8 @@ def _record_blocks(source: LiveSource, out: Path, arguments: RecordArguments) ->
         source.close()
     with open_recording(out) as recording:
         events = {name: stream.event_count for name, stream in recording.cameras.items()}
-    return {"path": str(out), "duration_us": duration_us, "events": events, "notes": []}
+        frames, notes = {name: len(stream) for name, stream in recording.frames.items()}, list(recording.notes)
+    return {"path": str(out), "duration_us": duration_us, "events": events, "frames": frames, "notes": notes}
 
 
 def _record_raw(order: CameraOrder, out: Path, arguments: RecordArguments) -> dict[str, object]:
@@ -211,6 +212,8 @@ def _describe(report: dict[str, object]) -> str:
     events, notes, duration_us = report["events"], report["notes"], report["duration_us"]
     assert isinstance(events, dict) and isinstance(notes, list) and isinstance(duration_us, int)
     lines = [f"{report['path']}: {duration_us / 1e6:.3f} s"]
-    return "\n".join(
-        [*lines, *(f"  {name}: {count:,} events" for name, count in events.items()), *map("  {}".format, notes)]
-    )
+    lines += [f"  {name}: {count:,} events" for name, count in events.items()]
+    frames = report.get("frames")
+    if isinstance(frames, dict):
+        lines += [f"  {name}: {count:,} pictures" for name, count in frames.items()]
+    return "\n".join([*lines, *map("  {}".format, notes)])

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
 
 from app.export.events import event_slices, share_of
 from app.export.selection import Span
-from app.export.unfinished import Cancelled, Progress
+from app.export.unfinished import Cancelled, Progress, check_cancelled
 from core.errors import RecordingError
+from core.events import CameraFrame, SensorSize
 from core.files import replacing
 from core.recordings import BallTruth, CameraStream, PixelTruth, Recording, RecordingWriter
+from core.recordings.frames import FrameStream, frames_in_memory, frames_of
+from core.recordings.reader import FileRecording
 from core.recordings.recording import FrozenCamera, freeze_camera
 
 
@@ -25,6 +29,8 @@ class RecordingSnapshot:
     streams: dict[str, FrozenCamera]
     ball: BallTruth | None
     notes: tuple[str, ...]
+    frames: dict[str, FrameStream] = field(default_factory=dict)
+    """Pictures of ordinary cameras, of a live rally only: those of a file can be read again."""
 
     @property
     def cameras(self) -> dict[str, CameraStream]:
@@ -49,10 +55,21 @@ def freeze(recording: Recording, span: Span) -> RecordingSnapshot:
     """
     uuid = recording.uuid
     streams = {name: freeze_camera(one, span.start_us, span.end_us) for name, one in recording.cameras.items()}
-    frozen = RecordingSnapshot(uuid, span.end_us, streams, recording.ball, recording.notes)
+    is_file = isinstance(recording, FileRecording)
+    frames = {} if is_file else {name: _held(one, span) for name, one in frames_of(recording).items()}
+    frozen = RecordingSnapshot(uuid, span.end_us, streams, recording.ball, recording.notes, frames)
     if recording.uuid != uuid:
         raise RecordingError("the live rally began anew while it was frozen", remedy="do it again")
     return frozen
+
+
+def _held(stream: FrameStream, span: Span) -> FrameStream:
+    """The pictures whose exposure ends in a span, held in memory; the oldest may be forgotten meanwhile."""
+    held: list[CameraFrame] = []
+    for number in stream.ending_within(span.start_us, span.end_us):
+        with contextlib.suppress(RecordingError):
+            held.append(stream.frame(number))
+    return frames_in_memory(held, stream.calibration)
 
 
 def write_frozen(
@@ -65,7 +82,7 @@ def write_frozen(
     config: Mapping[str, object] | None = None,
     uuid: str | None = None,
 ) -> str:
-    """Write the events, calibrations and truth of a span to a recording whose time begins at 0; its identity.
+    """Write the events, pictures, calibrations and truth of a span to a recording whose time begins at 0; its identity.
 
     Args:
         frozen: what is written.
@@ -80,8 +97,11 @@ def write_frozen(
         RecordingError: if it cannot be written.
         ExportCancelledError: if `cancelled()` is true; nothing is left behind then.
     """
+    frames = {name: one for name, one in frozen.frames.items() if len(one)}
     sensors = {name: stream.sensor for name, stream in frozen.streams.items()}
-    calibration = {name: stream.calibration for name, stream in frozen.streams.items() if stream.calibration}
+    sensors |= {name: _size(one) for name, one in frames.items() if name not in sensors}
+    known = {name: one.calibration for name, one in (frames | frozen.streams).items()}
+    calibration = {name: camera for name, camera in known.items() if camera is not None}
     config = config or {"source": "live rally, frozen", "session": frozen.uuid}
     with replacing(path, durable=True) as partial:
         with RecordingWriter(partial, sensors, calibration=calibration, config=config, uuid=uuid) as writer:
@@ -91,10 +111,19 @@ def write_frozen(
                     writer.append(name, events)
                 if stream.truth is not None:
                     writer.write_truth(name, _pixel_truth_within(stream.truth, span))
+            for name, stream in frames.items():
+                for number in range(len(stream)):
+                    check_cancelled(cancelled)
+                    writer.write_frame(name, stream.frame(number), span.start_us)
             if frozen.ball is not None:
                 writer.write_ball(_ball_within(frozen.ball, span))
             writer.extend_duration(span.length_us)
         return writer.uuid
+
+
+def _size(frames: FrameStream) -> SensorSize:
+    height, width = frames.image(0).shape[:2]
+    return SensorSize(width, height) if frames.calibration is None else frames.calibration.sensor
 
 
 def _pixel_truth_within(truth: PixelTruth, span: Span) -> PixelTruth:

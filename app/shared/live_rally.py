@@ -13,12 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.background.child import ChildProcess, share_in
+from app.shared.frame_detector import frame_detector
 from app.shared.live_learning import LiveLearning
 from core.cameras import Camera
 from core.chain.calibration_drift import CalibrationDrift, DriftReport
 from core.chain.config import HitRule, PredictionName, chain_with_constants, with_prediction
 from core.chain.control.controller import RacketDecision
 from core.chain.control.player import PlayerState
+from core.chain.follow import frame_cameras
+from core.detection import Detector
 from core.errors import CommandError, LinkError, RecordingError
 from core.history.played_bodies import PlayedBodies
 from core.history.rally_history import Outcome, RallyHistory
@@ -35,6 +38,7 @@ from core.live.ring_recording import LiveConfig, RingRecording
 from core.live.stream_watch import StreamWatch
 from core.physics.constants_file import FittedConstants
 from core.physics.episode import Case
+from core.recordings.frames import FrameStream
 from core.robot import RobotClient, SourceWithRobot
 from core.robot.robot_step_test import RobotStepTest
 
@@ -92,9 +96,16 @@ class LiveRally:
     """The live rally: receives a source, keeps its history, and plays. Thread-safe."""
 
     def __init__(
-        self, source: LiveSource, *, process: SimulationProcess | None = None, robot: RobotClient | None = None
+        self,
+        source: LiveSource,
+        *,
+        process: SimulationProcess | None = None,
+        robot: RobotClient | None = None,
+        frame_detector: Callable[[], Detector] | None = None,
     ) -> None:
         """Listen to a source, which is closed with the rally; so are the `process` that it comes from, and the robot.
+
+        `frame_detector` makes the detector of each calibrated frame camera; without one those are not followed.
 
         Raises:
             LinkError: if there is a `robot`, and the source has one of its own.
@@ -129,7 +140,8 @@ class LiveRally:
         # In this order: when the rally hears of a block itself, the recording has it.
         source.add_listener(self.watch)
         source.add_listener(self.recording)
-        self.player = LivePlayer(self._source_with_robot)
+        self._follows_frames = frame_detector is not None
+        self.player = LivePlayer(self._source_with_robot, frame_detector=frame_detector)
         self.step_test = None if robot is None else RobotStepTest(self.player, robot)
         """Measures the latency of the external robot."""
         self.learning = LiveLearning(self.player, robot=self.has_robot, outcomes=source.has_outcomes)
@@ -139,8 +151,14 @@ class LiveRally:
 
     @property
     def cameras(self) -> dict[str, Camera]:
-        """The cameras of the present session."""
-        return {name: stream.calibration for name, stream in self.recording.cameras.items() if stream.calibration}
+        """The cameras of the present session, and the frame cameras that are followed."""
+        known = {name: one.calibration for name, one in {**self.recording.cameras, **self.frames}.items()}
+        return {name: camera for name, camera in known.items() if camera is not None}
+
+    @property
+    def frames(self) -> dict[str, FrameStream]:
+        """Remembered pictures of the frame cameras that are followed, by camera."""
+        return frame_cameras(self.recording) if self._follows_frames else {}
 
     @property
     def state(self) -> m.WorldState | None:
@@ -381,7 +399,7 @@ class LiveRally:
         """Update the drift, and weigh down the camera it names, in the player's thread; restarted in each session."""
         drift = self._drift
         if drift is None:
-            drift = self._drift = CalibrationDrift(self.source.welcome.calibrated())
+            drift = self._drift = CalibrationDrift(self.cameras)
         self.player.distrust(*drift.add(state.chain).distrusted)
 
 
@@ -413,7 +431,7 @@ def join_simulation(
             process.stop()
         raise
     try:
-        return LiveRally(client, process=process, robot=robot)
+        return LiveRally(client, process=process, robot=robot, frame_detector=frame_detector())
     except LinkError:
         client.close()
         raise

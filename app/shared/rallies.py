@@ -79,7 +79,9 @@ class WatchedRally:
 
     @property
     def frames(self) -> dict[str, FrameStream]:
-        """Pictures of the frame cameras that are followed, by camera; of a live rally there are none."""
+        """Pictures of the frame cameras that are followed, by camera; of a live rally those that are remembered."""
+        if self.live is not None:
+            return self.live.frames
         return {} if self.following is None else self.following.frames
 
     def people(self, t_us: int) -> People | None:

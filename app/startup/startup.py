@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 from app.background.child import ChildProcess, share_in
+from app.shared.frame_detector import frame_detector
 from app.shared.live_rally import LiveRally, SimulationProcess, join_simulation
 from app.shared.samples import DEMO
 from app.shared.workspace import Workspace
@@ -282,7 +283,7 @@ class Startup:
         assert self._source is not None
         self._chain_is_compiled.wait()
         self.preparation.begin("rally")
-        return LiveRally(self._source, robot=self._robot)
+        return LiveRally(self._source, robot=self._robot, frame_detector=frame_detector())
 
     def _simulated_rally(self) -> LiveRally:
         return self._own_rally() if self._process is not None else self._remote_rally()

@@ -14,7 +14,7 @@ from app.pictures.canvas import Canvas, Region, Rendering, encode_png, event_pic
 from app.pictures.palette import PaletteIndex
 from app.state.client_state import RenderSettings
 from app.views.ball_inset import draw_ball_inset
-from app.views.frame_picture import NO_PICTURE, frame_size, frame_title, whole_frame
+from app.views.frame_picture import NO_PICTURE, frame_size, frame_title, picture_or_blank, whole_frame
 from app.views.mosaic import Mosaic, lay_out
 from app.views.requests import window_before
 from app.views.stage_picture import draw_truth
@@ -53,7 +53,7 @@ def frame_sightings(history: RallyHistory, frames: Mapping[str, FrameStream], t_
             found[name] = FrameSighting(NO_PICTURE, None, False)
             continue
         # The chain has looked at it in the first step that ends after its exposure.
-        step = next(iter(history.steps_between(int(one.ends_us[number]) - 1, t_us)), None)
+        step = next(iter(history.steps_between(int(one.ends_us[number - one.first]) - 1, t_us)), None)
         circle = None if step is None else step.circles.get(name)
         found[name] = FrameSighting(number, circle, step is not None and name in step.used)
     return found
@@ -143,7 +143,7 @@ def render_large_frame(request: LargeFrameRequest) -> Mosaic:
     """Draw a picture of a frame camera in its own colours, with what the chain found in it and when it was taken."""
     name, pictures = request
     stream, number = frame_cameras(pictures.recording)[name], dict(pictures.frames)[name]
-    image = stream.image(max(0, number))
+    image = picture_or_blank(stream, number)
     canvas = Canvas(Region.of_sensor(frame_size(image)))
     canvas.image[:] = PaletteIndex.BACKGROUND
     canvas.caption(frame_title(name, stream, number))
@@ -165,7 +165,7 @@ def _draw_circle(canvas: Canvas, request: CameraPicturesRequest, name: str, *, t
 
 def _frame_png(stream: FrameStream, number: int, request: CameraPicturesRequest, name: str, width_px: int) -> bytes:
     """A picture in its own colours, with its circle."""
-    canvas = whole_frame(stream.image(max(0, number)), width_px)
+    canvas = whole_frame(picture_or_blank(stream, number), width_px)
     if number == NO_PICTURE:
         left_middle = canvas.image.shape[1] // 12, canvas.image.shape[0] // 2
         cv2.putText(canvas.image, "no picture yet", left_middle, cv2.FONT_HERSHEY_SIMPLEX, 1.0, int(PaletteIndex.TEXT))

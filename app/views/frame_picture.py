@@ -11,7 +11,7 @@ from app.pictures.canvas import TARGET_WIDTH_PX, Canvas, Region
 from app.pictures.palette import PaletteIndex
 from core.events import SensorSize
 from core.recordings import Recording
-from core.recordings.frames import FrameStream
+from core.recordings.frames import FrameStream, frames_of
 from core.recordings.reader import FileRecording
 
 NO_PICTURE: Final = -1
@@ -21,11 +21,14 @@ OF_EVENT_CAMERA: Final = "{} frames"
 
 
 def titled_frames(recording: Recording) -> dict[str, FrameStream]:
+    """The same of a file only: those of a live rally change while one looks into them or labels."""
+    return shown_frames(recording) if isinstance(recording, FileRecording) else {}
+
+
+def shown_frames(recording: Recording) -> dict[str, FrameStream]:
     """Every ordinary camera of a recording that has pictures, by the title that the app shows."""
-    if not isinstance(recording, FileRecording):
-        return {}
     events = recording.cameras
-    known = {name: frames for name, frames in recording.frames.items() if len(frames)}
+    known = {name: frames for name, frames in frames_of(recording).items() if len(frames)}
     return {OF_EVENT_CAMERA.format(name) if name in events else name: frames for name, frames in known.items()}
 
 
@@ -33,7 +36,17 @@ def frame_title(title: str, frames: FrameStream, number: int) -> str:
     """Words over a picture: of which camera, which one, and when it was taken."""
     if number == NO_PICTURE:
         return f"{title}: no picture yet"
-    return f"{title}: picture {number}, mid exposure {int(frames.t_us[number]) / 1e3:.3f} ms"
+    return f"{title}: picture {number}, mid exposure {int(frames.t_us[number - frames.first]) / 1e3:.3f} ms"
+
+
+def picture_or_blank(frames: FrameStream, number: int) -> NDArray[np.uint8]:
+    """A picture; before the first, or if it is forgotten, something of the same size."""
+    if number >= frames.first:
+        return frames.image(number)
+    if len(frames) or frames.calibration is None:
+        return frames.image(frames.first)
+    size = frames.calibration.sensor
+    return np.zeros((size.height_px, size.width_px), np.uint8)
 
 
 def frame_size(frame: NDArray[np.uint8]) -> SensorSize:
@@ -66,7 +79,7 @@ def newest_frame(title: str, frames: FrameStream, t_us: int, width_px: int, *, a
         across: pictures that stand beside each other.
     """
     number = frames.newest(t_us)
-    canvas = whole_frame(frames.image(max(0, number)), width_px, across=across)
+    canvas = whole_frame(picture_or_blank(frames, number), width_px, across=across)
     if number == NO_PICTURE:
         canvas.under = None
     canvas.caption(frame_title(title, frames, number))

@@ -14,7 +14,7 @@ from app.state.client_state import RenderSettings, TuneView
 from app.state.swept_cells import SweptCells, TableClicks
 from app.views.answer_cache import AnswerCache
 from app.views.ball_inset import draw_ball_inset
-from app.views.frame_picture import OF_EVENT_CAMERA, frame_size, frame_title, newest_frame, titled_frames, whole_frame
+from app.views.frame_picture import OF_EVENT_CAMERA, frame_size, frame_title, newest_frame, shown_frames, whole_frame
 from app.views.mosaic import Mosaic, columns_of, columns_that_fill, lay_out, lay_out_grid
 from app.views.space_time import SpaceTime, answers_around, space_time_of
 from app.views.stage_picture import ball_ink, draw_detection, draw_stage, draw_truth, miss_px
@@ -161,7 +161,7 @@ def render_watch(request: WatchRequest) -> Mosaic:
     if request.large in cameras:
         cameras = {request.large: cameras[request.large]}
     of_events_only = request.large in cameras or request.table.active or request.swept.active
-    frames = titled_frames(request.recording) if request.with_frames and not of_events_only else {}
+    frames = shown_frames(request.recording) if request.with_frames and not of_events_only else {}
     tiles = len(cameras) + len(frames)
     across = columns_of(tiles, look.arrangement)
     if look.arrangement == "automatic" and request.aspect is not None and cameras:

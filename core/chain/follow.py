@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,7 +18,7 @@ from core.detection.window import windows_side_by_side
 from core.errors import CalibrationError
 from core.events import Window
 from core.recordings import BallTruth, CameraStream, Recording
-from core.recordings.frames import FrameStream, window_of
+from core.recordings.frames import FrameStream, frames_of, window_of
 from core.recordings.reader import FileRecording
 
 Array = NDArray[np.float64]
@@ -66,12 +66,10 @@ def calibrated_cameras(recording: Recording) -> dict[str, Camera]:
 
 
 def frame_cameras(recording: Recording) -> dict[str, FrameStream]:
-    """The calibrated cameras of a recording that have pictures and no events."""
-    if not isinstance(recording, FileRecording):
-        return {}
-    events = recording.cameras
-    known = {name: one for name, one in recording.frames.items() if len(one) and one.calibration is not None}
-    return {name: one for name, one in known.items() if name not in events}
+    """The calibrated cameras of a recording that have pictures and no events; of a live one before the first, too."""
+    events, is_whole = recording.cameras, isinstance(recording, FileRecording)
+    known = {name: one for name, one in frames_of(recording).items() if one.calibration is not None}
+    return {name: one for name, one in known.items() if name not in events and (len(one) or not is_whole)}
 
 
 def calibrated_rig(recording: Recording) -> dict[str, Camera]:
@@ -87,9 +85,7 @@ def calibrated_rig(recording: Recording) -> dict[str, Camera]:
 def windows_with_frames(
     streams: Mapping[str, CameraStream], frames: Mapping[str, FrameStream], end_us: int, window_us: int
 ) -> Iterator[dict[str, Window]]:
-    """Windows of event cameras side by side, with the newest picture of each frame camera whose exposure ended there.
-
-    So a chain gets a picture when a camera could have sent it, not when its exposure began.
+    """Windows of event cameras side by side, with pictures as `add_pictures` says.
 
     Args:
         streams: event cameras, by name.
@@ -97,12 +93,22 @@ def windows_with_frames(
         end_us: no window ends later.
         window_us: length of each.
     """
-    ends_us = {name: one.ends_us for name, one in frames.items()}
-    for number, windows in enumerate(windows_side_by_side(streams, 0, end_us, window_us)):
+    return add_pictures(windows_side_by_side(streams, 0, end_us, window_us), frames)
+
+
+def add_pictures(
+    side_by_side: Iterable[dict[str, Window]], frames: Mapping[str, FrameStream]
+) -> Iterator[dict[str, Window]]:
+    """The windows of event cameras, with the newest picture of each frame camera whose exposure ended in them.
+
+    So a chain gets a picture when a camera could have sent it, not when its exposure began.
+    """
+    for windows in side_by_side:
+        of_events = next(iter(windows.values()))
         for name, one in frames.items():
-            before, after = np.searchsorted(ends_us[name], (number * window_us, (number + 1) * window_us), side="right")
-            if after > before:
-                windows[name] = window_of(one.frame(int(after) - 1))
+            ended = one.ending_within(of_events.start_us, of_events.end_us)
+            if ended:
+                windows[name] = window_of(one.frame(ended[-1]))
         yield windows
 
 

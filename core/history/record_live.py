@@ -94,6 +94,8 @@ class LiveRows:
 
 QUEUE: Final = 3000
 """Messages that may wait for the disk, about ten seconds."""
+WAITING_BYTES: Final = 500_000_000
+"""Pictures that may wait for the disk: packing one of 1280x720 in colour takes longer than some cameras take for it."""
 FLUSH_BLOCKS: Final = 100
 
 
@@ -106,7 +108,8 @@ class _Thought:
     choice: HitChoice | None
 
 
-_QueueItem = m.EventBatch | m.WorldState | m.OutcomeNotice | _Thought | None
+_Message = m.EventBatch | m.PictureMessage | m.WorldState | m.OutcomeNotice | _Thought
+_QueueItem = _Message | None
 
 
 class LiveRecorder:
@@ -134,9 +137,19 @@ class LiveRecorder:
         welcome = source.welcome
         self._source, self._session, self._seed = source, welcome.session, welcome.seed
         sensors = {info.name: info.sensor for info in welcome.cameras}
+        pictures_only = [info.name for info in welcome.frame_cameras if info.name not in sensors]
+        for info in welcome.frame_cameras:  # one that takes its pictures through an event camera's lens has its name
+            sensors.setdefault(info.name, info.sensor)
+        calibration = welcome.calibrated_frame_cameras() | welcome.calibrated()
         config = {"source": source.description, "session": welcome.session}
         self._writer = RecordingWriter(
-            self.path, sensors, calibration=welcome.calibrated(), seed=welcome.seed, config=config, overwrite=overwrite
+            self.path,
+            sensors,
+            calibration=calibration,
+            seed=welcome.seed,
+            config=config,
+            overwrite=overwrite,
+            frame_cameras=pictures_only,
         )
         self._player = player
         self._decision: RacketDecision | None = None  # the writer's thread only
@@ -144,6 +157,8 @@ class LiveRecorder:
         self._scene: str | None = None  # the writer's thread only
         self._zero_us: int | None = 0 if from_start else None
         self._blocks = 0
+        self._counting = threading.Lock()
+        self._waiting_bytes = self._left_out = 0
         self._items: queue.Queue[_QueueItem] = queue.Queue(QUEUE)
         self._ending = False
         self._thread = threading.Thread(target=self._write, name="live-recorder", daemon=True)
@@ -163,7 +178,7 @@ class LiveRecorder:
         return self._writer.duration_us
 
     def stop(self) -> int:
-        """Finish the file; returns its duration in microseconds.
+        """Finish the file; returns its duration in microseconds. A note says how many pictures are not in it.
 
         Raises:
             RecordingError: if it could not be written to its end.
@@ -185,6 +200,15 @@ class LiveRecorder:
     def on_events(self, batch: m.EventBatch) -> None:
         """Queue the batch."""
         self._queue(batch)
+
+    def on_picture(self, picture: m.PictureMessage) -> None:
+        """Queue the picture, unless too much waits for the disk already: then it is left out, and a note says so."""
+        if self._ending or self._waiting_bytes > WAITING_BYTES:
+            self._left_out += not self._ending
+            return
+        with self._counting:
+            self._waiting_bytes += picture.pixels.nbytes
+        self._queue(picture)
 
     def on_state(self, state: m.WorldState) -> None:
         """Queue the state, unless it is only a heartbeat."""
@@ -223,16 +247,22 @@ class LiveRecorder:
                         message = self._items.get(timeout=0.5)
                     except queue.Empty:
                         if self._ending:
-                            return
+                            break
                         continue
                     if message is None:
-                        return
+                        break
                     self._write_one(message)
+                    if isinstance(message, m.PictureMessage):
+                        with self._counting:
+                            self._waiting_bytes -= message.pixels.nbytes
+                if self._left_out:
+                    left_out = f"{self._left_out:,} pictures of frame cameras are left out"
+                    self._writer.note(f"{left_out}: they came faster than they could be written.")
         except RallyscopeError as error:
             self.error = self.error or error
             self._ending = True
 
-    def _write_one(self, message: m.EventBatch | m.WorldState | m.OutcomeNotice | _Thought) -> None:
+    def _write_one(self, message: _Message) -> None:
         if self._zero_us is None:
             if not isinstance(message, m.WorldState):  # the first state ends the block that was joined in its middle
                 return
@@ -240,6 +270,8 @@ class LiveRecorder:
             return
         if isinstance(message, m.EventBatch):
             self._write_events(message, self._zero_us)
+        elif isinstance(message, m.PictureMessage):
+            self._writer.write_frame(message.camera, message.frame(), self._zero_us)
         elif isinstance(message, m.WorldState):
             self._write_state(message, self._zero_us)
         elif isinstance(message, _Thought):

@@ -20,20 +20,26 @@ from core.chain.config import WINDOW_US, ChainConfig, HitRule, chain_for_physics
 from core.chain.control.controller import BuiltInController, LiveController, RacketDecision
 from core.chain.control.player import Player, PlayerState
 from core.chain.control.step_test import CommandLatency
+from core.chain.follow import add_pictures
 from core.config import check_settings, setting
+from core.detection import Detector
 from core.detection.window import block_windows
 from core.errors import ConfigError, LinkError, RallyscopeError
 from core.live.link import messages as m
 from core.live.link.live_source import LimitedRobot, LiveSource
 from core.live.live_flight import CommandSender, LiveFlight, QueuedCommand
+from core.live.live_pictures import LiveFrameCameras
 from core.live.live_snapshot import FinishedBall, LiveMeter, RallySnapshot
 from core.live.urgency import go_first
 from core.live.warm_up import load_strokes, warm_up
 from core.physics.config import PhysicsConfig
+from core.recordings.frames import FrameStream
 from core.simulation.event_cameras.event_camera import BLOCK_US
 
 MAX_WAITING: Final = 8
 """Blocks of 10 ms; older ones are dropped: a prediction from them would come too late."""
+MOST_PICTURES: Final = 64
+"""Most pictures of one block; there are more only where the messages that end blocks are lost."""
 NOBODY: Final = "nothing has been heard of the source yet"
 
 
@@ -63,6 +69,7 @@ class _ReceivedBlock:
 
     state: m.WorldState
     batches: tuple[m.EventBatch, ...]
+    pictures: tuple[m.PictureMessage, ...]
     arrived_s: float
     """Arrival on the monotonic clock, s."""
     late_s: float
@@ -86,8 +93,12 @@ class LivePlayer:
         config: LivePlayerConfig | None = None,
         *,
         playing: bool = True,
+        frame_detector: Callable[[], Detector] | None = None,
     ) -> None:
-        """Begin as soon as everything is loaded; without `playing`, or a robot, it only watches and sends nothing."""
+        """Begin as soon as everything is loaded; without `playing`, or a robot, it only watches and sends nothing.
+
+        `frame_detector` makes the detector of each calibrated frame camera; without one pictures are not looked at.
+        """
         self._source = source
         self._physics = source.physics
         self._config = config or LivePlayerConfig()
@@ -102,7 +113,9 @@ class LivePlayer:
         self._woken = self._just_resumed = False  # the next block to arrive, or one of those just dropped, resumes
         self._stop = False
         self._pending: dict[int, list[m.EventBatch]] = {}  # the link's thread only
+        self._pictures: deque[m.PictureMessage] = deque(maxlen=MOST_PICTURES)  # the link's thread only
         self._session, self._cameras = "", {}
+        self._frame_cameras = LiveFrameCameras(frame_detector)
         self._player: Player | None = None
         self._problem = NOBODY
         self._meter = LiveMeter()
@@ -218,6 +231,7 @@ class LivePlayer:
         """Reset for a new session; queued blocks are dropped."""
         with self._changed:
             self._pending.clear()
+            self._pictures.clear()
             self._waiting.clear()
             self._blocks_waiting = self._just_dropped = 0
             self._just_resumed = False
@@ -228,17 +242,23 @@ class LivePlayer:
         """Keep it until its block is complete."""
         self._pending.setdefault(batch.start_us, []).append(batch)
 
+    def on_picture(self, picture: m.PictureMessage) -> None:
+        """Keep it until its block is complete."""
+        self._pictures.append(picture)
+
     def on_state(self, state: m.WorldState) -> None:
         """The block is complete; the oldest one that waits is dropped when there are too many."""
         if not state.ends_block:
             return
         batches = tuple(self._pending.pop(state.start_us, ()))
+        pictures = tuple(self._pictures)
         self._pending.clear()
+        self._pictures.clear()
         arrived_s, late_s = time.monotonic(), (time.time_ns() - state.wall_ns) * 1e-9
         with self._changed:
             if self._blocks_waiting >= MAX_WAITING:
                 self._drop_oldest()
-            self._waiting.append(_ReceivedBlock(state, batches, arrived_s, late_s, self._woken))
+            self._waiting.append(_ReceivedBlock(state, batches, pictures, arrived_s, late_s, self._woken))
             self._woken = False
             self._blocks_waiting += 1
             self._changed.notify()
@@ -257,6 +277,7 @@ class LivePlayer:
                 self._just_dropped += 1
                 self._just_resumed |= item.resumes
                 self._meter.dropped += 1
+                self._meter.note_pictures(self._frame_cameras.count(item.pictures), looked_at=False)
                 return
 
     # The player's own thread.
@@ -294,7 +315,9 @@ class LivePlayer:
         """Load compiled code before the first block."""
         try:
             cameras = self._source.welcome.calibrated()
+            self._frame_cameras.begin_session(self._source.welcome)
             warm_up(self._make_player(cameras), cameras, self._config.window_us)
+            self._frame_cameras.warm_up()
         except RallyscopeError as error:
             self._problem = str(error)
 
@@ -307,6 +330,7 @@ class LivePlayer:
         self._controller = self._with_physics(self._controller)
         try:
             self._cameras = welcome.calibrated()
+            self._frame_cameras.begin_session(welcome)
         except LinkError as error:
             self._player, self._problem = None, str(error)
             return
@@ -322,7 +346,9 @@ class LivePlayer:
             self._problem = str(error)
 
     def _make_player(self, cameras: Mapping[str, Camera]) -> Player:
-        return Player(RallyChain(cameras, self._chain_config()), self._controller, hit=self._config.hit)
+        frames = self._frame_cameras
+        chain = RallyChain({**cameras, **frames.cameras}, self._chain_config(), frames.detectors())
+        return Player(chain, self._controller, hit=self._config.hit)
 
     def _chain_config(self) -> ChainConfig:
         """Chain config: with the known physics if `knows_physics`, else it learns them."""
@@ -362,9 +388,24 @@ class LivePlayer:
             self._problem = str(error)
             return
         decode_s = time.monotonic() - began_s
-        for windows in block_windows(events, state.start_us, state.t_us, self._config.window_us) if events else ():
+        windows_of = block_windows(events, state.start_us, state.t_us, self._config.window_us) if events else ()
+        for windows in add_pictures(windows_of, self._pictures_to_look_at(block)):
             self._follow(player.step(windows), block, decode_s)
         self._meter.note_block()
+
+    def _pictures_to_look_at(self, block: _ReceivedBlock) -> dict[str, FrameStream]:
+        """Pictures of a block, by camera; none while others wait, or if it would take too long."""
+        found = self._frame_cameras.streams(block.pictures)
+        if not found:
+            return {}
+        state = block.state
+        speed = 0.0 if state.paused else state.speed_factor * state.kept_share
+        with self._changed:  # the link's thread counts too
+            # A robot is not to wait for a try.
+            fits = self._frame_cameras.has_time(found, speed, tries=not self._playing)
+            looks = fits and not self._blocks_waiting
+            self._meter.note_pictures(sum(map(len, found.values())), looked_at=looks)
+        return found if looks else {}
 
     def _inform_of_racket(self, player: Player) -> None:
         """What the robot says of itself: its limits, and where it waits.

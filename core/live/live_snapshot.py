@@ -120,6 +120,10 @@ class PlayerHealth:
     """Blocks dropped because the player was too slow, or lost in transit."""
     stages: tuple[StageLatency, ...] = ()
     """Where the time of commands went: each of `STAGES`; empty before the first command."""
+    pictures: int = 0
+    """Pictures of frame cameras that were looked at."""
+    pictures_skipped: int = 0
+    """Pictures that were not, as events were waiting, or would have been."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -202,6 +206,7 @@ class LiveMeter:
         self.command_stages_ms: deque[tuple[float, ...]] = deque(maxlen=SAMPLES)
         """A duration for each of `STAGES`, of each command that the robot took."""
         self.sent = self.blocks = self.dropped = 0
+        self.pictures = self.pictures_skipped = 0
         self.last_refusal = ""
         self._steps = 0
         self._marks: deque[tuple[float, float, int]] = deque()
@@ -212,6 +217,11 @@ class LiveMeter:
         """A step of chain and controller took so long."""
         self._steps += 1
         self._step_ms.append(1e3 * seconds)
+
+    def note_pictures(self, count: int, *, looked_at: bool) -> None:
+        """So many pictures came, and the chain looked at them or not."""
+        self.pictures += count if looked_at else 0
+        self.pictures_skipped += 0 if looked_at else count
 
     def note_block(self) -> None:
         """A block was played."""
@@ -244,5 +254,7 @@ class LiveMeter:
             blocks=self.blocks,
             blocks_dropped=self.dropped,
             stages=stage_latencies(self.command_stages_ms.copy()),
+            pictures=self.pictures,
+            pictures_skipped=self.pictures_skipped,
         )
         return self._health

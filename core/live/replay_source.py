@@ -1,4 +1,4 @@
-"""A recording as a live source: its cameras' events in blocks, and nothing else.
+"""A recording as a live source: its cameras' events and pictures in blocks, and nothing else.
 
 After the end it begins again from its start, unless it plays once, and the time of the session runs on, by whole
 blocks: what is recorded or frozen of it goes over the seam. While nobody listens it stands still.
@@ -6,21 +6,22 @@ blocks: what is recorded or frozen of it goes over the seam. While nobody listen
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Final
 
 from core.cameras import Camera
 from core.errors import ConfigError, RallyscopeError, RecordingError
-from core.events import Events
+from core.events import Events, SensorSize
 from core.live.link import messages as m
 from core.live.link.live_source import LinkListener, LinkListeners, SourceStatus
 from core.live.link.published import camera_batch, state_of_block, welcome_to
 from core.physics.config import PhysicsConfig
 from core.recordings import CameraStream, Recording
-from core.recordings.reader import FileRecording
+from core.recordings.frames import FrameStream, frames_of
 from core.simulation.event_cameras.event_camera import BLOCK_US
 
 logger = logging.getLogger(__name__)
@@ -69,13 +70,12 @@ class ReplaySource:
             raise RecordingError("a recording without cameras cannot be replayed", where=name)
         if recording.duration_us < 1:
             raise RecordingError("an empty recording cannot be replayed", where=name)
-        pictures = tuple(recording.frames) if isinstance(recording, FileRecording) else ()
-        left_out = f", without the pictures of {', '.join(pictures)}" if pictures else ""
-        self.description = f"replay of {name}{left_out}"
+        self.description = f"replay of {name}"
         self.state: m.WorldState | None = None
         self.physics = physics
         self.behind_s = 0.0
         self._recording, self._cameras, self._speed = recording, dict(recording.cameras), speed
+        self._frames = {name: one for name, one in frames_of(recording).items() if len(one)}
         self._loop = loop
         # Rounded up: the last block of a loop may be short.
         self._blocks_per_loop = -(-recording.duration_us // BLOCK_US)
@@ -83,8 +83,8 @@ class ReplaySource:
         self._changed = threading.Condition()
         self._listeners = LinkListeners()
         self._listening, self._stop, self._recalibrated = True, False, False
-        self._calibration = {name: stream.calibration for name, stream in self._cameras.items()}
-        self._numbers = 0
+        self._calibration = {name: one.calibration for name, one in (self._frames | self._cameras).items()}
+        self._numbers = self._picture_numbers = 0
         self.welcome = self._new_session()
         self._thread = threading.Thread(target=self._run, name="replay", daemon=True)
         self._thread.start()
@@ -164,13 +164,17 @@ class ReplaySource:
         return self._listening and bool(self._listeners)
 
     def _new_session(self) -> m.Reply:
-        return welcome_to({name: (one.sensor, self._calibration[name]) for name, one in self._cameras.items()})
+        known = self._calibration
+        return welcome_to(
+            {name: (one.sensor, known[name]) for name, one in self._cameras.items()},
+            {name: (_size(one, known[name]), known[name]) for name, one in self._frames.items()},
+        )
 
     def _begin_again(self) -> None:
         with self._changed:
             self._recalibrated = False
             welcome = self._new_session()
-            self.welcome, self._numbers = welcome, 0
+            self.welcome, self._numbers, self._picture_numbers = welcome, 0, 0
             self._listeners.on_session(welcome)
 
     def _publish(self, number: int) -> None:
@@ -183,12 +187,31 @@ class ReplaySource:
             if events is not None:
                 span_us = start_us, start_us + BLOCK_US
                 batches.append(camera_batch(name, events, span_us, session, self._next()))
+        pictures = list(self._pictures(start_us - shift_us, shift_us)) if self._listeners.want_pictures else []
         state = state_of_block(session, self._next(), (start_us, start_us + BLOCK_US), self._speed)
         with self._changed:
             for batch in batches:
                 self._listeners.on_events(batch)
+            for picture in pictures:
+                self._listeners.on_picture(picture)
             self._listeners.on_state(state)
             self.state = state
+
+    def _pictures(self, start_us: int, shift_us: int) -> Iterator[m.PictureMessage]:
+        """Pictures whose exposure ends in the block that begins at `start_us` of the file, later by `shift_us`."""
+        for name, stream in self._frames.items():
+            for number in stream.ending_within(start_us, start_us + BLOCK_US):
+                begins_us = int(stream.t_us[number] - stream.exposure_us[number] // 2)
+                if shift_us and begins_us < 0:  # before the file began: it would overlap the end of the round before
+                    continue
+                try:
+                    frame = stream.frame(number)
+                except (RallyscopeError, OSError) as error:
+                    logger.info("a picture of %s cannot be read: %s", name, error)
+                    continue
+                self._picture_numbers += 1
+                later = dataclasses.replace(frame, t_us=frame.t_us + shift_us)
+                yield m.PictureMessage.of(name, later, self.welcome.session, self._picture_numbers)
 
     def _next(self) -> int:
         self._numbers += 1
@@ -204,6 +227,14 @@ def check_speed(speed: float) -> None:
     low, high = SPEEDS
     if not low <= speed <= high:
         raise ConfigError("no such speed of a replay", expected=f"{low:g} to {high:g}", got=f"{speed:g}")
+
+
+def _size(frames: FrameStream, calibration: Camera | None) -> SensorSize:
+    """Size of a frame camera's pictures, of which there is one."""
+    if calibration is not None:
+        return calibration.sensor
+    height, width = frames.image(0).shape[:2]
+    return SensorSize(width, height)
 
 
 def _read(stream: CameraStream, start_us: int, shift_us: int) -> Events | None:

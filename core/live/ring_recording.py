@@ -19,7 +19,9 @@ from core.config import check_settings, setting
 from core.errors import LinkError
 from core.events import Events, SensorSize, concatenate_events
 from core.live.link import messages as m
+from core.live.ring_pictures import PictureRing
 from core.recordings import BallTruth, CameraStream, PixelTruth, Triggers
+from core.recordings.frames import FrameStream
 
 MIN_ROWS: Final = 1024
 Columns = tuple[NDArray, ...]
@@ -103,6 +105,8 @@ class LiveConfig:
     """Enough to step back through the last few balls."""
     events_per_camera: int = setting(20_000_000, 100_000, 200_000_000)
     """At most; 13 bytes each."""
+    picture_bytes_per_camera: int = setting(400_000_000, 1_000_000, 20_000_000_000)
+    """Most bytes of an ordinary camera: about 430 grey pictures of 1280x720 or 140 in colour. Events take 260 MB."""
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -133,6 +137,7 @@ class RingRecording:
         self._sensors: dict[str, SensorSize] = {}
         self._calibration: dict[str, Camera] = {}
         self._blocks: dict[str, _CameraBlocks] = {}
+        self._pictures: dict[str, PictureRing] = {}
         self._ball = RingBuffer()
 
     @property
@@ -161,6 +166,13 @@ class RingRecording:
             }
 
     @property
+    def frames(self) -> dict[str, FrameStream]:
+        """Pictures of the session's ordinary cameras that are remembered, by camera."""
+        with self._lock:
+            rings = dict(self._pictures)
+        return {name: ring.stream() for name, ring in rings.items()}
+
+    @property
     def ball(self) -> BallTruth | None:
         """The buffered truth; None if unknown."""
         with self._lock:
@@ -176,6 +188,7 @@ class RingRecording:
         """Drop all data."""
         with self._lock:
             self._blocks = {name: _CameraBlocks() for name in self._blocks}
+            self._pictures = {}
             self._ball = RingBuffer()
 
     def __enter__(self) -> Self:
@@ -188,10 +201,13 @@ class RingRecording:
         """Reset for a new session."""
         calibration = welcome.calibrated()
         sensors = {info.name: info.sensor for info in welcome.cameras}
+        most_bytes = self._config.picture_bytes_per_camera
+        pictures = {info.name: PictureRing(info.camera(), most_bytes) for info in welcome.frame_cameras}
         with self._lock:
             self._uuid, self._block_us, self._duration_us = welcome.session, welcome.block_us, 0
             self._sensors, self._calibration, self._oldest, self._first = sensors, calibration, 0, None
             self._blocks = {name: _CameraBlocks() for name in sensors}
+            self._pictures = pictures
             self._ball = RingBuffer()
 
     def on_events(self, batch: m.EventBatch) -> None:
@@ -215,6 +231,17 @@ class RingRecording:
             if truth is not None:
                 store.truth.put(block, tuple(getattr(truth, name) for name in PIXEL_COLUMNS))
             store.total += len(events)
+
+    def on_picture(self, picture: m.PictureMessage) -> None:
+        """Keep a picture.
+
+        Raises:
+            LinkError: if it is not of one of the session's cameras, or older than the one before.
+        """
+        ring = self._pictures.get(picture.camera)
+        if ring is None:
+            raise LinkError("not a frame camera of this session", got=picture.camera, where="picture")
+        ring.add(picture.frame())
 
     def on_state(self, state: m.WorldState) -> None:
         """The stretch up to `t_us` is complete."""
@@ -244,6 +271,8 @@ class RingRecording:
                 store.forget(self._oldest)
             self._oldest += 1
         self._ball.forget_before(self._oldest)
+        for pictures in self._pictures.values():
+            pictures.forget_before(self._oldest * self._block_us)
         for store in stores:
             store.truth.forget_before(self._oldest)
 

@@ -17,7 +17,7 @@ from core.errors import RallyscopeError, RecordingError
 from core.events import SensorSize
 from core.recordings import layout
 from core.recordings.file_camera import FileCamera
-from core.recordings.frames import FrameStream
+from core.recordings.frames import FrameStream, read_frames
 from core.recordings.hdf5 import (
     HDF5_ERRORS,
     DamageNotes,
@@ -205,7 +205,7 @@ class FileRecording:
         for name in names_in(group):
             if has_item(group, f"{name}/frames"):
                 with self._damage.left_out(f"the pictures of camera {name}"):
-                    found[name] = FrameStream(group_at(group, f"{name}/frames"), self._calibration_of(name))
+                    found[name] = read_frames(group_at(group, f"{name}/frames"), self._calibration_of(name))
         return found
 
     def _calibration_of(self, name: str) -> Camera | None:

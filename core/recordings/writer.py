@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import uuid as uuids
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from types import TracebackType
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from core.cameras import Camera
 from core.errors import RecordingError
-from core.events import Events, SensorSize
+from core.events import CameraFrame, Events, SensorSize
 from core.files import POSIX
 from core.recordings import layout
 from core.recordings.blocks import CHUNK_EVENTS, pack_column
@@ -92,6 +92,7 @@ class RecordingWriter:
         time_offsets_us: Mapping[str, int] | None = None,
         uuid: str | None = None,
         overwrite: bool = False,
+        frame_cameras: Collection[str] = (),
     ) -> None:
         """Start a recording of the named cameras.
 
@@ -104,6 +105,7 @@ class RecordingWriter:
             time_offsets_us: by camera; its own clock is the recording's plus this.
             uuid: its identity, to which labels refer; None: a new one.
             overwrite: whether a file there may be replaced.
+            frame_cameras: those that take pictures only; one that never does is no event camera without events then.
 
         Raises:
             RecordingError: if the file exists and `overwrite` is not set, or it cannot be made.
@@ -114,6 +116,7 @@ class RecordingWriter:
         self._cameras = {name: CameraBuffer(sensor) for name, sensor in cameras.items()}
         self._last_row_us: dict[str, int] = {}
         self._row_counts: dict[str, int] = {}
+        self._picture_shapes: dict[str, tuple[int, ...]] = {}
         self._duration_us = 0
         self._file = GrowingFile(self.path, overwrite=overwrite)
         # Threads do: zlib lets go of the interpreter's lock.
@@ -129,6 +132,7 @@ class RecordingWriter:
             "cameras": {name: [sensor.width_px, sensor.height_px] for name, sensor in cameras.items()},
             "calibration": {name: layout.calibration_values(camera) for name, camera in (calibration or {}).items()},
             "time_offsets_us": {name: int(offset) for name, offset in (time_offsets_us or {}).items()},
+            "frame_cameras": [*frame_cameras],
         }
         self._flushes = 0
         try:
@@ -210,10 +214,22 @@ class RecordingWriter:
             t_us: (N,) middle of each exposure.
             exposure_us: (N,) lengths.
             images: (N, height, width) or (N, height, width, 3), RGB.
+
+        Raises:
+            RecordingError: if they are of another size than those before, or time runs backwards.
         """
         self._buffer(camera)
+        shape, got = self._picture_shapes.setdefault(camera, images.shape[1:]), images.shape[1:]
+        if got != shape:
+            where = f"{self.path}, camera {camera}"
+            raise RecordingError("pictures of another size", expected=shape, got=got, where=where)
         rows = {"t_us": t_us.astype(np.int64), "exposure_us": exposure_us.astype(np.int64), "image": images}
         self.append_rows(layout.frames_group(camera), rows)
+
+    def write_frame(self, camera: str, frame: CameraFrame, zero_us: int) -> None:
+        """Add a picture as `write_frames` does, with times on a clock that begins at `zero_us` of the picture's."""
+        t_us, exposure_us = np.array([frame.t_us - zero_us]), np.array([frame.exposure_us])
+        self.write_frames(camera, t_us, exposure_us, frame.image[None])
 
     def note(self, text: str) -> None:
         """Say something that a reader of the recording should know."""

@@ -187,6 +187,11 @@ class SourceWithRobot:
         with self._lock:
             self._listeners.on_events(batch)
 
+    def on_picture(self, picture: m.PictureMessage) -> None:
+        """Hand it on."""
+        with self._lock:
+            self._listeners.on_picture(picture)
+
     def on_state(self, state: m.WorldState) -> None:
         """Pass on the state with the robot's racket poses."""
         if state.ends_block:

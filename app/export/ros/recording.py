@@ -29,8 +29,8 @@ from core.chain import ChainConfig
 from core.events import polarity_image
 from core.recordings import CameraStream, Recording
 from core.recordings.evt3_encoder import Evt3Encoder
+from core.recordings.frames import FrameStream, frames_of
 from core.recordings.layout import Rows
-from core.recordings.reader import FileRecording
 
 PACKET_US: Final = 10_000
 _INFO_US: Final = 1_000_000
@@ -218,8 +218,8 @@ def _racket(recording: Recording, span: Span, rows: Rows | None, messages: RosMe
 def _pictures(recording: Recording, span: Span, messages: RosMessages) -> list[Iterable[_Message]]:
     """The pictures of ordinary cameras and of event cameras that take some, one stream each."""
 
-    def of(name: str, topic: str, file: FileRecording) -> Iterator[_Message]:
-        frames, clock = file.frames[name], clock_us(recording)
+    def of(name: str, frames: FrameStream) -> Iterator[_Message]:
+        topic, clock = f"/{name}/image/compressed", clock_us(recording)
         for number in np.flatnonzero((span.start_us <= frames.t_us) & (frames.t_us < span.end_us)).tolist():
             image = frames.image(number)
             shown = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
@@ -227,6 +227,4 @@ def _pictures(recording: Recording, span: Span, messages: RosMessages) -> list[I
             time_ns = 1000 * (int(frames.t_us[number]) + clock)
             yield _Message(time_ns, topic, ros.IMAGE, messages.image(time_ns, name, png))
 
-    if not isinstance(recording, FileRecording):
-        return []
-    return [of(name, f"/{name}/image/compressed", recording) for name in recording.frames]
+    return [of(name, frames) for name, frames in frames_of(recording).items()]

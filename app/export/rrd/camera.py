@@ -212,14 +212,13 @@ def send_pictures(stream: rr.RecordingStream, path: str, pictures: Sequence[Came
         send(stream, f"{path}/stages/roi", times, boxes.partition([one.roi is not None for one in pictures]))
 
 
-def send_frames(stream: rr.RecordingStream, path: str, frames: FrameStream, start_us: int, end_us: int) -> None:
-    """Send the pictures of a frame camera whose mid exposure is in [start_us, end_us), each at that time.
+def send_frames(stream: rr.RecordingStream, path: str, frames: FrameStream, numbers: range) -> None:
+    """Send some pictures of a frame camera, each at its mid exposure.
 
     Raises:
         RecordingError: if one is damaged.
     """
-    first, last = np.searchsorted(frames.t_us, (start_us, end_us))
-    for number in range(int(first), int(last)):
+    for number in numbers:
         image = frames.image(number)
         bgr = image if image.ndim == 2 else image[:, :, ::-1]
         fine, jpeg = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])

@@ -102,7 +102,17 @@ def stream_html(source: LiveSource, health: StreamHealth, snapshot: RallySnapsho
             remedy = "It is too slow for these cameras" if live else "Ask for a lower speed"
             skipped = f"{followed.blocks_dropped:,} blocks of 10 ms: this machine was busy"
             rows.append(("Skipped blocks", muted(f"{skipped}. A recording has them. Many? {remedy}")))
+        rows += picture_rows(followed.pictures, followed.pictures_skipped)
     return figures_html(rows) + ("" if has_robot else ALONE)
+
+
+def picture_rows(looked_at: int, skipped: int) -> list[tuple[str, str]]:
+    """Rows of pictures of frame cameras; none where there are none."""
+    rows = [("Pictures", f"{looked_at:,} looked at for the ball")] if looked_at or skipped else []
+    if skipped:
+        why = f"{skipped:,}: yolo is too slow for this speed here. A recording has them. Ask for a lower speed"
+        rows.append(("Skipped pictures", muted(why)))
+    return rows
 
 
 def camera_rows(cameras: tuple[CameraHealth, ...]) -> list[tuple[str, str]]:

@@ -27,8 +27,6 @@ LOST_S: Final = 1.0
 """Time without a heartbeat after which the server counts as lost; it sends ten per second."""
 SILENT_S: Final = 60.0
 """Longest silence of a listening server during the handshake: it may be starting on a slow machine."""
-EVERYTHING: Final = b""
-"""All topics."""
 SUBSCRIBE: Final = b"\x01"
 UNSUBSCRIBE: Final = b"\x00"
 """First byte of what a subscriber sends, before the topic."""
@@ -289,15 +287,17 @@ class SimulationClient:
         socket.setsockopt(zmq.RECONNECT_IVL_MAX, 500)
         secure(socket, self._keys)
         socket.connect(self.address)
-        subscribed: bytes | None = None
+        subscribed: frozenset[bytes] = frozenset()
         try:
             while not self._stop.is_set():
-                topic = EVERYTHING if self._listening else m.ALIVE
-                if topic != subscribed:
+                wanted = self._topics()
+                for topic in sorted(
+                    wanted - subscribed, reverse=True
+                ):  # pictures first: no block comes without its own
                     socket.send(SUBSCRIBE + topic)
-                    if subscribed is not None:
-                        socket.send(UNSUBSCRIBE + subscribed)
-                    subscribed = topic
+                for topic in subscribed - wanted:
+                    socket.send(UNSUBSCRIBE + topic)
+                subscribed = wanted
                 if not socket.poll(100):
                     continue
                 parts = socket.recv_multipart()
@@ -309,7 +309,16 @@ class SimulationClient:
         finally:
             socket.close(0)
 
-    def _dispatch(self, message: m.WorldState | m.EventBatch | m.Notice, *, only_alive: bool) -> None:
+    def _topics(self) -> frozenset[bytes]:
+        """What is to be subscribed to: pictures where the server has some and a listener takes them."""
+        if not self._listening:
+            return frozenset({m.ALIVE})
+        pictures = self.welcome.frame_cameras and self._listeners.want_pictures
+        return frozenset({m.EVERYTHING, m.PICTURES} if pictures else {m.EVERYTHING})
+
+    def _dispatch(
+        self, message: m.WorldState | m.EventBatch | m.PictureMessage | m.Notice, *, only_alive: bool
+    ) -> None:
         if isinstance(message, m.Reply):
             raise LinkError("a reply was published")
         self._received_s = time.monotonic()
@@ -324,6 +333,9 @@ class SimulationClient:
             if fresh:
                 self.welcome, self._last_seq = welcome, 0
                 self._listeners.on_session(welcome)
+            if isinstance(message, m.PictureMessage):  # they have numbers of their own
+                self._listeners.on_picture(message)
+                return
             if only_alive and not self._listening:
                 self._last_seq = 0  # who hears only signs of life misses the numbers between them
             if self._last_seq:

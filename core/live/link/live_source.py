@@ -1,8 +1,8 @@
 """Interface of a live source: cameras, and optionally a robot and outcomes of balls.
 
-The simulation has all of it, a recording that is replayed only its cameras. Whoever listens takes what comes: the truth
-is in no source's duty, and nothing that is not told may be needed. Everything is told in blocks: the packets of all
-cameras that have one, then a state that ends the block.
+The simulation has all of it, a recording that is replayed only its cameras, ordinary ones among them. Whoever listens
+takes what comes: the truth is in no source's duty, and nothing that is not told may be needed. Everything is told in
+blocks: the packets of all cameras that have one, pictures whose exposure ended in it, then a state that ends the block.
 """
 
 from __future__ import annotations
@@ -51,6 +51,13 @@ class Robot(Protocol):
             LinkError: if that is refused, or not answered in time.
         """
         ...
+
+
+@runtime_checkable
+class PictureListener(Protocol):
+    """A listener that wants pictures of ordinary cameras too: those of a block come before the state that ends it."""
+
+    def on_picture(self, picture: m.PictureMessage) -> None: ...
 
 
 @runtime_checkable
@@ -164,6 +171,17 @@ class LinkListeners:
         """Pass on events."""
         for listener in self._all:
             listener.on_events(batch)
+
+    @property
+    def want_pictures(self) -> bool:
+        """Whether one of them takes pictures."""
+        return any(isinstance(listener, PictureListener) for listener in self._all)
+
+    def on_picture(self, picture: m.PictureMessage) -> None:
+        """Pass on a picture to those that take pictures."""
+        for listener in self._all:
+            if isinstance(listener, PictureListener):
+                listener.on_picture(picture)
 
     def on_state(self, state: m.WorldState) -> None:
         """Pass on a state; it may end a block."""

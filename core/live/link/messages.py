@@ -8,7 +8,7 @@ session; a new session starts at 0. What the server publishes carries a `seq` th
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -41,6 +41,7 @@ from core.live.link.fields import (
     whole,
     write_fields,
 )
+from core.live.link.picture import PictureMessage
 from core.physics.config import PhysicsConfig
 from core.physics.episode import Case
 from core.recordings import BallTruth, PixelTruth
@@ -220,13 +221,16 @@ Notice = ServeNotice | OutcomeNotice | BounceNotice | HitNotice
 
 __all__ = [
     "ALIVE",
+    "ALL_BUT_PICTURES",
     "COMMANDS",
     "COMMAND_BYTES",
+    "EVERYTHING",
     "KINDS",
     "LONGEST_US",
     "MAX_EVENTS",
     "MAX_ROWS",
     "MESSAGE_BYTES",
+    "PICTURES",
     "VERSION",
     "WALL_NS",
     "AimRacket",
@@ -240,6 +244,7 @@ __all__ = [
     "Notice",
     "OutcomeNotice",
     "Pause",
+    "PictureMessage",
     "Reply",
     "Reset",
     "RestRacket",
@@ -258,6 +263,10 @@ __all__ = [
 VERSION: Final = 1
 ALIVE: Final = b"alive"
 """Topic of heartbeats: states without rows."""
+EVERYTHING: Final = b""
+"""Topic of all that is published but pictures, which older clients do not know."""
+PICTURES: Final = b"picture"
+"""Topic of pictures, which go only to those who name it."""
 
 Array = NDArray[np.float64]
 
@@ -444,6 +453,9 @@ class Reply:
     seed: int | None = optional(whole(0, WALL_NS))
     """Seed of the simulation; None where there is none."""
     cameras: tuple[CameraInfo, ...] = listing(CameraInfo, 16)
+    """Event cameras."""
+    frame_cameras: tuple[CameraInfo, ...] = listing(CameraInfo, 16)
+    """Ordinary cameras, one of which may have the name of an event camera: it looks through its lens."""
     physics: PhysicsConfig | None = optional(settings(PhysicsConfig))
     """Physics of the simulation. Older servers do not send it and have the paper's."""
     robot: bool = flag(default=True)
@@ -457,19 +469,37 @@ class Reply:
         Raises:
             LinkError: if one is impossible.
         """
-        found = {info.name: info.camera() for info in self.cameras}
-        return {name: camera for name, camera in found.items() if camera is not None}
+        return _calibrated(self.cameras)
+
+    def calibrated_frame_cameras(self) -> dict[str, Camera]:
+        """Calibrated ordinary cameras that are no event cameras, by name.
+
+        Raises:
+            LinkError: if one is impossible.
+        """
+        events = {info.name for info in self.cameras}
+        return _calibrated(info for info in self.frame_cameras if info.name not in events)
+
+
+def _calibrated(infos: Iterable[CameraInfo]) -> dict[str, Camera]:
+    """The calibrated ones among some cameras, by name."""
+    found = {info.name: info.camera() for info in infos}
+    return {name: camera for name, camera in found.items() if camera is not None}
 
 
 KINDS: Final[dict[str, type]] = {
     "state": WorldState,
     "events": EventBatch,
+    "picture": PictureMessage,
     "serve_notice": ServeNotice,
     "bounce": BounceNotice,
     "hit": HitNotice,
     "outcome": OutcomeNotice,
     "reply": Reply,
 }
+ALL_BUT_PICTURES: Final = sorted({name[:1].encode() for name in ("alive", *KINDS) if name not in ("picture", "reply")})
+"""Beginnings of all published topics but that of pictures. First letters: who gives up everything for `alive` alone
+keeps that, as it is another subscription."""
 COMMANDS: Final[dict[str, type]] = {
     "hello": Hello,
     "serve": Serve,

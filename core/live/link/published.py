@@ -105,13 +105,23 @@ def published_ball_rows(block: Block) -> m.Array:
     return np.concatenate([ball.p_world_m, ball.v_world_mps, ball.spin_radps], axis=1)
 
 
-def welcome_to(cameras: Mapping[str, tuple[SensorSize, Camera | None]]) -> m.Reply:
-    """A new session of cameras, with their calibration where it is known."""
-    infos = tuple(
+CamerasBySize = Mapping[str, tuple[SensorSize, Camera | None]]
+"""Size of each camera's pictures, and its calibration where that is known, by name."""
+
+
+def welcome_to(cameras: CamerasBySize, frame_cameras: CamerasBySize | None = None) -> m.Reply:
+    """A new session of event cameras, and of ordinary ones."""
+    return m.Reply(
+        id=0, ok=True, session=uuid.uuid4().hex, t_us=0, block_us=BLOCK_US,
+        cameras=_infos(cameras), frame_cameras=_infos(frame_cameras or {}),
+    )  # fmt: skip
+
+
+def _infos(cameras: CamerasBySize) -> tuple[m.CameraInfo, ...]:
+    return tuple(
         m.CameraInfo.uncalibrated(name, sensor) if known is None else m.CameraInfo.of(name, known)
         for name, (sensor, known) in cameras.items()
     )
-    return m.Reply(id=0, ok=True, session=uuid.uuid4().hex, t_us=0, block_us=BLOCK_US, cameras=infos)
 
 
 def state_of_block(session: str, seq: int, span_us: tuple[int, int], speed: float) -> m.WorldState:

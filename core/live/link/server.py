@@ -316,7 +316,8 @@ class SimulationServer:
         while self._published.poll(0):
             wanted = self._published.recv()
             topic, ends = wanted[1:], wanted[:1] == b"\x00"
-            self._published.setsockopt(zmq.UNSUBSCRIBE if ends else zmq.SUBSCRIBE, topic)
+            for one in m.ALL_BUT_PICTURES if topic == m.EVERYTHING else (topic,):
+                self._published.setsockopt(zmq.UNSUBSCRIBE if ends else zmq.SUBSCRIBE, one)
             self._topics[topic] += -1 if ends else 1
         self._topics = +self._topics  # without those that nobody wants
 

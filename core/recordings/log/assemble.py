@@ -132,6 +132,9 @@ def _write(file: h5py.File, log: BinaryIO, contents: LogContents, indices: Mappi
             file.create_dataset(f"{layout.calibration_group(name)}/{key}", data=np.array(values, np.float64))
         if layout.FISHEYE_DISTORTION in calibration.get(name, {}):
             file[layout.calibration_group(name)].attrs[layout.LENS_MODEL] = "fisheye"
+    for name in cast("list[str]", start.get("frame_cameras", [])):  # logs of earlier versions do not say it
+        if layout.frames_group(name) not in contents.rows:
+            _write_no_pictures(file.create_group(layout.frames_group(name)), *cameras[name])
     for group, frames in contents.rows.items():
         _write_rows(file, log, group, frames)
     file["cameras"].attrs["order"] = list(cameras)
@@ -143,6 +146,12 @@ def _write(file: h5py.File, log: BinaryIO, contents: LogContents, indices: Mappi
             file.attrs[key] = start[key]
     if contents.notes:
         file.attrs["notes"] = contents.notes
+
+
+def _write_no_pictures(group: h5py.Group, width: int, height: int) -> None:
+    for name in ("t_us", "exposure_us"):
+        group.create_dataset(name, (0,), np.int64)
+    group.create_dataset("image", (0, height, width), np.uint8)
 
 
 def _write_events(file: h5py.File, log: BinaryIO, camera: str, blocks: list[EventBlock]) -> int:

@@ -159,17 +159,6 @@ def test_there_is_no_truth_no_robot_and_no_word_of_outcomes(pair):
         assert source.status == "connected" and source.description == "replay of pair.h5"
 
 
-def test_it_names_the_frame_cameras_whose_pictures_it_leaves_out(tmp_path):
-    with RecordingWriter(tmp_path / "frames.h5", {"left": SENSOR, "rgb": SENSOR}) as writer:
-        writer.append("left", Events.from_columns([1000], [3], [2], [True], SENSOR))
-        writer.write_frames("rgb", np.array([5_000]), np.full(1, 4_000), np.full((1, 48, 64), 120, np.uint8))
-    source = ReplaySource(open_recording(tmp_path / "frames.h5"), "frames.h5")
-    try:
-        assert source.description == "replay of frames.h5, without the pictures of rgb"
-    finally:
-        source.close()
-
-
 @pytest.mark.parametrize("speed", [2.0, 0.5])
 def test_a_block_comes_at_its_time_and_never_before_it(pair, speed):
     clock = TickingClock()

@@ -26,7 +26,9 @@ WELL = StreamHealth(1.0, 0.01, False, 0, (CameraHealth("left", 0, 0, 0), CameraH
 def snapshot() -> SimpleNamespace:
     span = SimpleNamespace(p50_ms=0.2, p99_ms=1.0)
     return SimpleNamespace(
-        health=SimpleNamespace(state_hz=400.0, step=span, blocks_dropped=0, stages=()), problem="", learned=None
+        health=SimpleNamespace(state_hz=400.0, step=span, blocks_dropped=0, stages=(), pictures=0, pictures_skipped=0),
+        problem="",
+        learned=None,
     )
 
 
@@ -128,3 +130,12 @@ def test_losses_are_said_and_nothing_where_there_are_none() -> None:
         said.startswith("1,200 USB packets") and "4 events that came too late" in said and "1 invalid packets" in said
     )
     assert lost_words(FeedCounts(gaps=3)) == "3 gaps in what the camera sent"
+
+
+def test_pictures_that_were_skipped_are_said_with_why(source, snapshot) -> None:
+    assert "Pictures" not in stream_html(source, WELL, snapshot)
+    snapshot.health.pictures, snapshot.health.pictures_skipped = 1200, 0
+    said = stream_html(source, WELL, snapshot)
+    assert "1,200 looked at" in said and "kipped" not in said
+    snapshot.health.pictures_skipped = 34
+    assert "34: yolo is too slow" in stream_html(source, WELL, snapshot)
