@@ -12,7 +12,7 @@ from app.export.events import event_slices, share_of
 from app.export.selection import Span
 from app.export.unfinished import Cancelled, Progress, check_cancelled
 from core.errors import RecordingError
-from core.events import CameraFrame, SensorSize
+from core.events import CameraFrame
 from core.files import replacing
 from core.recordings import BallTruth, CameraStream, PixelTruth, Recording, RecordingWriter
 from core.recordings.frames import FrameStream, frames_in_memory, frames_of
@@ -99,7 +99,7 @@ def write_frozen(
     """
     frames = {name: one for name, one in frozen.frames.items() if len(one)}
     sensors = {name: stream.sensor for name, stream in frozen.streams.items()}
-    sensors |= {name: _size(one) for name, one in frames.items() if name not in sensors}
+    sensors |= {name: one.sensor for name, one in frames.items() if name not in sensors}
     known = {name: one.calibration for name, one in (frames | frozen.streams).items()}
     calibration = {name: camera for name, camera in known.items() if camera is not None}
     config = config or {"source": "live rally, frozen", "session": frozen.uuid}
@@ -119,11 +119,6 @@ def write_frozen(
                 writer.write_ball(_ball_within(frozen.ball, span))
             writer.extend_duration(span.length_us)
         return writer.uuid
-
-
-def _size(frames: FrameStream) -> SensorSize:
-    height, width = frames.image(0).shape[:2]
-    return SensorSize(width, height) if frames.calibration is None else frames.calibration.sensor
 
 
 def _pixel_truth_within(truth: PixelTruth, span: Span) -> PixelTruth:

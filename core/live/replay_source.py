@@ -15,13 +15,13 @@ from typing import Final
 
 from core.cameras import Camera
 from core.errors import ConfigError, RallyscopeError, RecordingError
-from core.events import Events, SensorSize
+from core.events import Events
 from core.live.link import messages as m
 from core.live.link.live_source import LinkListener, LinkListeners, SourceStatus
 from core.live.link.published import camera_batch, state_of_block, welcome_to
 from core.physics.config import PhysicsConfig
 from core.recordings import CameraStream, Recording
-from core.recordings.frames import FrameStream, frames_of
+from core.recordings.frames import frames_of
 from core.simulation.event_cameras.event_camera import BLOCK_US
 
 logger = logging.getLogger(__name__)
@@ -167,7 +167,7 @@ class ReplaySource:
         known = self._calibration
         return welcome_to(
             {name: (one.sensor, known[name]) for name, one in self._cameras.items()},
-            {name: (_size(one, known[name]), known[name]) for name, one in self._frames.items()},
+            {name: (one.sensor, known[name]) for name, one in self._frames.items()},
         )
 
     def _begin_again(self) -> None:
@@ -227,14 +227,6 @@ def check_speed(speed: float) -> None:
     low, high = SPEEDS
     if not low <= speed <= high:
         raise ConfigError("no such speed of a replay", expected=f"{low:g} to {high:g}", got=f"{speed:g}")
-
-
-def _size(frames: FrameStream, calibration: Camera | None) -> SensorSize:
-    """Size of a frame camera's pictures, of which there is one."""
-    if calibration is not None:
-        return calibration.sensor
-    height, width = frames.image(0).shape[:2]
-    return SensorSize(width, height)
 
 
 def _read(stream: CameraStream, start_us: int, shift_us: int) -> Events | None:

@@ -64,6 +64,14 @@ class FrameStream:
         ends_us = self.t_us - self.exposure_us // 2 + np.maximum(1, self.exposure_us)
         return np.maximum.accumulate(ends_us)  # exposures that change could overlap
 
+    @property
+    def sensor(self) -> SensorSize:
+        """Size of the pictures: the calibration's, else that of the first one, of which there has to be one then."""
+        if self.calibration is not None:
+            return self.calibration.sensor
+        height, width = self.image(self.first).shape[:2]
+        return SensorSize(width, height)
+
     def nearest(self, t_us: int) -> int:
         """The number of the picture whose mid exposure is nearest to a time; there has to be one."""
         return self.first + int(np.argmin(np.abs(self.t_us - t_us)))
