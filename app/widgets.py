@@ -123,6 +123,11 @@ def decades(low: float, high: float) -> tuple[float, ...]:
     return tuple(float(f"1e{exponent}") for exponent in range(first, last + 1))
 
 
+def bounded(value: object, bounds: tuple[float, float]) -> float:
+    """A number that a browser sent, within its bounds: the page keeps to them, a stranger's program need not."""
+    return min(max(float(str(value)), bounds[0]), bounds[1])
+
+
 def when_changed(handle: viser.GuiInputHandle, act: Callable[[object], None]) -> None:
     """Call `act(value)` for changes that a person made, in their order, and not for those that we made."""
 

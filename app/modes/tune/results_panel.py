@@ -20,7 +20,7 @@ from app.panels.keys import place_below_pictures
 from app.pictures.palette import palette
 from app.views.requests import is_wrong
 from app.views.stage_picture import cluster_colour_index
-from app.widgets import when_changed, when_clicked
+from app.widgets import bounded, when_changed, when_clicked
 from core.detection import Detection, RefinedDetection
 from core.detection.method_trace import CandidateRow, MethodTrace
 from core.detection.reasons import FIXED, Reason, ReasonCount
@@ -86,13 +86,13 @@ class ScorePanel:
     @property
     def added_us(self) -> int:
         """What an answer takes besides computing."""
-        return round(1e3 * min(max(float(self._delay.value), 0.0), MAX_DELAY_MS))
+        return round(1e3 * bounded(self._delay.value, (0.0, MAX_DELAY_MS)))
 
     @property
     def timing(self) -> Timing:
         """What is chosen for scores, comparisons and searches."""
-        events = round(min(max(float(self._events.value), 0.0), MAX_EVENTS))
-        motion_px = min(max(float(self._motion.value), 0.0), MAX_MOTION_PX)
+        events = round(bounded(self._events.value, (0.0, MAX_EVENTS)))
+        motion_px = bounded(self._motion.value, (0.0, MAX_MOTION_PX))
         return Timing(self.added_us, EarlyEnds(events=events or None, motion_px=motion_px or None))
 
     def show_running(self, running: bool, title: str = "") -> None:

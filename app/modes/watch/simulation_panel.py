@@ -14,7 +14,7 @@ from app.modes.mode import ModeHost, do_in_pool
 from app.modes.watch.source_panel import RecordButton
 from app.shared.live_rally import LiveRally
 from app.shared.rallies import BUILT_IN, LEARNS, let_play, run_choices
-from app.widgets import Listing, when_changed, when_clicked
+from app.widgets import Listing, bounded, when_changed, when_clicked
 from core.history.seen_outcomes import ReturnRate
 from core.live.link import messages as m
 from core.live.link.client import SimulationClient
@@ -101,7 +101,7 @@ class SimulationPanel:
         when_changed(self._auto, lambda _: self._auto_serve())
         when_changed(self._pace, lambda pace: self._ask(lambda: client.set_speed(PACES[str(pace)])))
         when_changed(self._scene, self._change_scene)
-        when_changed(self._noise, lambda hz: self._ask(lambda: client.set_noise(_bounded(hz, NOISE_HZ))))
+        when_changed(self._noise, lambda hz: self._ask(lambda: client.set_noise(bounded(hz, NOISE_HZ))))
         for slider in (self._goal_x, self._goal_y):
             when_changed(slider, lambda _: self._aim())
 
@@ -130,7 +130,7 @@ class SimulationPanel:
             self._scene.value = state.scene
         self._noise.value = min(max(round(state.noise_hz, 1), NOISE_HZ[0]), NOISE_HZ[1])
         x, y = self._rally.player.snapshot.goal_m.tolist()
-        self._goal_x.value, self._goal_y.value = _bounded(x, GOAL_X_M), _bounded(y, GOAL_Y_M)
+        self._goal_x.value, self._goal_y.value = bounded(x, GOAL_X_M), bounded(y, GOAL_Y_M)
 
     def show_controllers(self) -> None:
         """Offer the available controllers: reads the folder of runs."""
@@ -146,16 +146,12 @@ class SimulationPanel:
             self._ask(lambda: self._rally.change_scene(str(name)))
 
     def _auto_serve(self) -> None:
-        speed = _bounded(self._speed.value, SPEEDS_MPS) if self._auto.value else 0.0
+        speed = bounded(self._speed.value, SPEEDS_MPS) if self._auto.value else 0.0
         self._ask(lambda: self._client.auto_serve(speed))
 
     def _aim(self) -> None:
-        goal = _bounded(self._goal_x.value, GOAL_X_M), _bounded(self._goal_y.value, GOAL_Y_M)
+        goal = bounded(self._goal_x.value, GOAL_X_M), bounded(self._goal_y.value, GOAL_Y_M)
         self._ask(lambda: self._rally.player.aim_at(goal))
 
     def _ask(self, act: Callable[[], object]) -> None:
         do_in_pool(self._host, act)
-
-
-def _bounded(value: object, bounds: tuple[float, float]) -> float:
-    return min(max(float(str(value)), bounds[0]), bounds[1])
