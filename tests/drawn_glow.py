@@ -1,8 +1,10 @@
-"""A drawn ball without a rim, whose place is exact."""
+"""Events of drawn light, whose place is exact: of a ball without a rim, or of whatever else shines."""
 
 import math
+from collections.abc import Callable, Iterable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from core.events import Events, SensorSize
 
@@ -18,15 +20,25 @@ def glow_centre(t_us: float) -> tuple[float, float]:
 def draw_glow(bright: bool) -> Events:
     """Events of a Gaussian glow, 12 px wide at one sigma: each pixel fires at every 0.25 of log light."""
     rows, columns = np.mgrid[: SENSOR.height_px, : SENSOR.width_px]
-    level = np.random.default_rng(3).uniform(0.0, 1.0, rows.shape)  # where each pixel is between two thresholds
-    found, before = [], None
-    for t_us in range(0, DURATION_US, 200):
+
+    def light(t_us: int) -> NDArray:
         u, v = glow_centre(t_us)
-        light = (1.0 if bright else -1.0) * 3.0 * np.exp(-((columns - u) ** 2 + (rows - v) ** 2) / (2.0 * 12.0**2))
-        now = np.floor(light / 0.25 + level)
+        return (1.0 if bright else -1.0) * 3.0 * np.exp(-((columns - u) ** 2 + (rows - v) ** 2) / (2.0 * 12.0**2))
+
+    return events_of_light(light, range(0, DURATION_US, 200), SENSOR, seed=3)
+
+
+def events_of_light(light: Callable[[int], NDArray], times_us: Iterable[int], sensor: SensorSize, seed: int) -> Events:
+    """Events of pixels that fire at every 0.25 of log light (height, width), looked at at these times."""
+    level = np.random.default_rng(seed).uniform(
+        0.0, 1.0, (sensor.height_px, sensor.width_px)
+    )  # where each is between two thresholds
+    found, before = [], None
+    for t_us in times_us:
+        now = np.floor(light(t_us) / 0.25 + level)
         if before is not None:
             y, x = np.nonzero(now != before)
             found.append(np.column_stack([np.full(len(x), t_us), x, y, now[y, x] > before[y, x]]))
         before = now
     t, x, y, on = np.concatenate(found).T
-    return Events.from_columns(t, x, y, on.astype(bool), SENSOR)
+    return Events.from_columns(t, x, y, on.astype(bool), sensor)

@@ -6,6 +6,7 @@ import pytest
 from benchmarks.detection import bench_planet as bench
 from core.errors import CommandError
 from core.events import Events, SensorSize
+from tests.drawn_glow import events_of_light
 
 SENSOR = SensorSize(320, 280)
 
@@ -13,21 +14,18 @@ SENSOR = SensorSize(320, 280)
 def draw_planet(duration_us: int) -> tuple[Events, np.ndarray]:
     """Events of a planet and a moon that swing about (160, 140) in both directions; the moon is at (+60, -50)."""
     rows, columns = np.mgrid[: SENSOR.height_px, : SENSOR.width_px]
-    level = np.random.default_rng(0).uniform(0.0, 1.0, rows.shape)
-    found, before, centres = [], None, []
-    for t_us in range(0, duration_us, 500):
+
+    def centre(t_us: int) -> tuple[float, float]:
         phase = 2e-6 * np.pi * t_us
-        u, v = 160.0 + 6.0 * np.sin(7 * phase), 140.0 + 6.0 * np.sin(5 * phase)
-        centres.append((t_us, u, v))
-        light = 4.0 * np.exp(-((columns - u) ** 2 + (rows - v) ** 2) / 200.0)
-        light += 2.0 * np.exp(-((columns - u - 60.0) ** 2 + (rows - v + 50.0) ** 2) / 4.0)
-        now = np.floor(light / 0.25 + level)
-        if before is not None:
-            y, x = np.nonzero(now != before)
-            found.append(np.column_stack([np.full(len(x), t_us), x, y, now[y, x] > before[y, x]]))
-        before = now
-    t, x, y, on = np.concatenate(found).T
-    return Events.from_columns(t, x, y, on.astype(bool), SENSOR), np.array(centres)
+        return 160.0 + 6.0 * np.sin(7 * phase), 140.0 + 6.0 * np.sin(5 * phase)
+
+    def light(t_us: int) -> np.ndarray:
+        u, v = centre(t_us)
+        planet = 4.0 * np.exp(-((columns - u) ** 2 + (rows - v) ** 2) / 200.0)
+        return planet + 2.0 * np.exp(-((columns - u - 60.0) ** 2 + (rows - v + 50.0) ** 2) / 4.0)
+
+    times_us = range(0, duration_us, 500)
+    return events_of_light(light, times_us, SENSOR, seed=0), np.array([(t_us, *centre(t_us)) for t_us in times_us])
 
 
 def test_a_moon_is_followed_and_the_middle_of_the_light_is_the_planets_centre() -> None:
