@@ -291,9 +291,8 @@ class SimulationClient:
         try:
             while not self._stop.is_set():
                 wanted = self._topics()
-                for topic in sorted(
-                    wanted - subscribed, reverse=True
-                ):  # pictures first: no block comes without its own
+                # Pictures first, so that no block comes without its own.
+                for topic in sorted(wanted - subscribed, reverse=True):
                     socket.send(SUBSCRIBE + topic)
                 for topic in subscribed - wanted:
                     socket.send(UNSUBSCRIBE + topic)
