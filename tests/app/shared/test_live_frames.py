@@ -62,9 +62,11 @@ def test_watch_shows_the_newest_picture_of_a_live_frame_camera(live: LiveRally, 
         found = [re.match(rf"{FRAMES}: picture (\d+), mid exposure", title) for title in titles()]
         return max((int(one[1]) for one in found if one is not None), default=-1)
 
+    def seen() -> tuple[str, ...]:
+        return () if session.state is None else session.state.seen_cameras
+
     try:
-        eventually(lambda: session.state is not None and session.state.seen_cameras, "the cameras")
-        assert session.state is not None and session.state.seen_cameras == (*EVENT_CAMERAS, FRAMES)
+        eventually(lambda: seen() == (*EVENT_CAMERAS, FRAMES), "the cameras, first those of events", seen)
         session.send(EnlargeCamera(FRAMES))
         eventually(lambda: newest() >= 3, "a picture of the next round, counted on", titles)
         session.send(EnlargeCamera(FRAMES))
