@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, Literal
 
 import numpy as np
 import viser
+from numpy.typing import NDArray
 
 from app import theme
 from app.formatting import html_text, percent, table_row
 from app.shared.library import Library
+from app.views.frame_picture import shown_frames
 from core.events import Health, RateCurve, rate_curve
 from core.recordings import Recording
 
@@ -80,6 +82,8 @@ class RecordingInfo:
     pixels: dict[str, int]
     """Count of each camera's pixels."""
     notes: tuple[str, ...]
+    frames: dict[str, NDArray[np.int64]] = field(default_factory=dict)
+    """Times of the pictures of each ordinary camera, us at mid exposure."""
 
 
 def gather_info(library: Library, name: str) -> RecordingInfo:
@@ -91,7 +95,8 @@ def gather_info(library: Library, name: str) -> RecordingInfo:
     }
     health = {camera: library.health(name, camera) for camera in recording.cameras}
     pixels = {camera: stream.sensor.width_px * stream.sensor.height_px for camera, stream in recording.cameras.items()}
-    return RecordingInfo(name, curves, health, pixels, recording.notes)
+    frames = {title: np.asarray(one.t_us, np.int64) for title, one in shown_frames(recording).items()}
+    return RecordingInfo(name, curves, health, pixels, recording.notes, frames)
 
 
 class RecordingInfoPanel:
@@ -128,6 +133,8 @@ def health_html(info: RecordingInfo) -> str:
             verdict = f"{count} hot pixels, {'more than' if count > most else 'harmless up to'} {most}"
             lines = remarks if count > most else harmless
             lines.append(f"{html_text(name)}: {verdict}; busiest {pixels}")
+    if info.frames:
+        harmless.append(" &middot; ".join(_frames_words(title, t_us) for title, t_us in info.frames.items()))
     listed = "".join(f"<div style='color:{theme.BAD}'>{remark}</div>" for remark in remarks)
     sound = f"<div style='color:{theme.GOOD}'>no problems found</div>"
     notes = "".join(f"<div style='color:{theme.MUTED}'>{line}</div>" for line in harmless) + notes
@@ -141,6 +148,15 @@ def health_html(info: RecordingInfo) -> str:
 def harmless_hot_pixels(pixels: int) -> int:
     """Most hot pixels of a sensor with so many pixels that are no fault; at least one."""
     return max(1, pixels * HOT_PER_MILLION // 1_000_000)
+
+
+def _frames_words(title: str, t_us: NDArray[np.int64]) -> str:
+    """How many pictures an ordinary camera took, how often, and the longest time between two."""
+    words = f"{html_text(title)}: {len(t_us)} {'picture' if len(t_us) == 1 else 'pictures'}"
+    if len(t_us) < 2 or t_us[-1] <= t_us[0]:
+        return words
+    rate_hz, longest_us = 1e6 * (len(t_us) - 1) / int(t_us[-1] - t_us[0]), int(np.diff(t_us).max())
+    return f"{words}, {rate_hz:.1f} per second, at most {longest_us / 1e3:.1f} ms apart"
 
 
 def _health_row(name: str, health: Health) -> str:

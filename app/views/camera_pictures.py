@@ -82,13 +82,16 @@ class CameraPicturesRequest:
     """The cameras that the ball's position is made of; empty if it is not known."""
     frames: tuple[tuple[str, int], ...] = ()
     """Frame cameras, each with the number of its picture or `NO_PICTURE`, which stand behind the event cameras."""
+    reached: bool = True
+    """Whether the chain has come to this time: before, nobody knows who sees the ball."""
 
     @property
     def key(self) -> Hashable:
         """Cache key, equal for the same pictures. The missing end of a live recording may still arrive."""
         there_us = min(self.t_us, self.recording.duration_us)
         circles = tuple(sorted(self.circles.items()))
-        return self.recording, self.t_us, there_us, self.look, circles, self.show_truth, self.used, self.frames
+        seen = circles, self.show_truth, self.used, self.frames, self.reached
+        return self.recording, self.t_us, there_us, self.look, seen
 
     def is_outlier(self, camera: str) -> bool:
         """Whether what a camera found is not where the others see the ball."""

@@ -193,6 +193,8 @@ class ChainState:
     its size."""
     single: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Pixels of cameras that saw the ball at no other camera's time and moved the flight in this step, by camera."""
+    predicted_from: tuple[str, ...] = ()
+    """The cameras of `prediction`, in the rig's order: all `used` since the one before, or since the flight began."""
 
     @property
     def used(self) -> frozenset[str]:
@@ -232,6 +234,8 @@ class RallyChain:
         checked = self.config.size.enabled and self.config.method != "paper"
         self._size = SizeCheck(dict(cameras), self.rig, self.config.size) if checked else None
         self._gate = TrackGate(self.config.flight)
+        self._used: set[str] = set()  # since the newest prediction
+        self._predicted_from: tuple[str, ...] = ()
         self._predictor = self.config.make_predictor()
         enough = len(cameras) >= self.config.single_view.least_cameras
         self._single: SingleView | None = None
@@ -280,6 +284,7 @@ class RallyChain:
     def forget_flight(self) -> None:
         """Expect a new ball; the detectors go on as they are, and what was learnt of air and table is kept."""
         self._gate.reset()
+        self._used.clear()
         self._predictor.forget_flight()
         if self._single is not None:
             self._single.forget_flight()
@@ -312,6 +317,9 @@ class RallyChain:
             point = point or alone
         verdict = None if point is None else self._gate.judge(point.t_us, point.p_world_m)
         fresh = self._follow(point, verdict)
+        if fresh is not None:
+            self._predicted_from = tuple(name for name in self.rig.names if name in self._used)
+            self._used.clear()
         seconds = StageSeconds(detected - started, triangulated - detected, time.perf_counter() - triangulated)
         return ChainState(
             t_us=max(window.end_us for window in windows.values()),
@@ -324,6 +332,7 @@ class RallyChain:
             seconds=seconds,
             pixels=pixels,
             single={} if self._single is None else self._single.used,
+            predicted_from=() if self._predictor.latest is None else self._predicted_from,
         )
 
     def _triangulate(
@@ -389,12 +398,16 @@ class RallyChain:
 
     def _follow(self, point: BallPoint | None, verdict: Verdict | None) -> Prediction | None:
         """Feed the predictor; without a point, a flight that has ended is forgotten at the next one."""
+        if self._single is not None:
+            self._used.update(self._single.used)
         if point is None or verdict == "stray":
             return None
         if verdict != "same flight":
             self._predictor.forget_flight()
+            self._used.clear()
         if verdict == "struck":
             return None
+        self._used.update(point.uvs_px)
         if self._single is not None:
             if len(point.uvs_px) == 1:  # the predictor has it
                 return self._single.predictor.predict_if_due()

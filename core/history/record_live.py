@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from core.chain.chain import ChainState
 from core.chain.control.controller import RacketDecision
 from core.chain.control.hit_choice import HitChoice
 from core.chain.control.player import PlayerState
@@ -34,7 +35,6 @@ from core.live.link import messages as m
 from core.live.link.live_source import LiveSource
 from core.live.live_player import LivePlayer
 from core.recordings import BallTruth, PixelTruth, RecordingWriter
-from core.trajectory import Prediction
 
 
 class LiveRows:
@@ -64,8 +64,8 @@ class LiveRows:
 
     def add_step(self, state: PlayerState, decision: RacketDecision | None) -> None:
         """Add the prediction and decision of a step."""
-        if state.chain.is_new and state.chain.prediction is not None:
-            self._add(PREDICTIONS, state.chain.t_us, prediction_rows(state.chain.prediction, 0))
+        if state.chain.is_new:
+            self._add(PREDICTIONS, state.chain.t_us, prediction_rows(state.chain, 0))
         if state.choice is not None and state.choice is not self._choice:
             self._choice = state.choice
             self._add(HIT_CHOICES, state.choice.t_us, choice_rows(state.choice, 0))
@@ -103,7 +103,7 @@ FLUSH_BLOCKS: Final = 100
 class _Thought:
     """Prediction and decision of the player."""
 
-    prediction: Prediction
+    chain: ChainState
     decision: RacketDecision | None
     choice: HitChoice | None
 
@@ -142,6 +142,7 @@ class LiveRecorder:
             sensors.setdefault(info.name, info.sensor)
         calibration = welcome.calibrated_frame_cameras() | welcome.calibrated()
         config = {"source": source.description, "session": welcome.session}
+        self._names = tuple(sensors)
         self._writer = RecordingWriter(
             self.path,
             sensors,
@@ -221,9 +222,8 @@ class LiveRecorder:
             self._queue(notice)
 
     def _on_snapshot(self, session: str, state: PlayerState, decision: RacketDecision | None) -> None:
-        found = state.chain.prediction
-        if session == self._session and found is not None:
-            self._queue(_Thought(found, decision, state.choice))
+        if session == self._session and state.chain.prediction is not None:
+            self._queue(_Thought(state.chain, decision, state.choice))
 
     def _queue(self, message: _QueueItem) -> None:
         if self._ending:
@@ -289,8 +289,8 @@ class LiveRecorder:
             found = choice_rows(choice, zero_us)
             if found is not None:
                 self._writer.append_rows(HIT_CHOICES, found)
-        rows = prediction_rows(thought.prediction, zero_us)
-        if rows is None or thought.prediction.t_us < zero_us:
+        rows = prediction_rows(thought.chain, zero_us, self._names)
+        if rows is None or rows["t_us"][0] < 0:
             return
         self._writer.append_rows(PREDICTIONS, rows)
         if thought.decision is not None:

@@ -7,12 +7,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from core.chain.chain import ChainState
 from core.chain.control.controller import RacketDecision
 from core.chain.control.hit_choice import REASONS, HitCandidate, HitChoice, nearest_reason
 from core.learning.config import RewardConfig
@@ -22,7 +23,6 @@ from core.physics.episode import Case
 from core.physics.rotation import normals_from_orientations
 from core.simulation.episodes.racket import RacketTarget
 from core.table import BALL_RADIUS_M
-from core.trajectory import Prediction
 from core.trajectory.prediction import HitPlane, Stage
 
 Array = NDArray[np.float64]
@@ -45,10 +45,17 @@ class HasRows(Protocol):
     def read_rows(self, group: str) -> Mapping[str, np.ndarray] | None: ...
 
 
-def prediction_rows(prediction: Prediction, zero_us: int) -> Rows | None:
-    """One row; None if the ball is not expected at the hitting plane."""
-    hit = prediction.hit_plane
-    if hit is None:
+def prediction_rows(chain: ChainState, zero_us: int, rig: Collection[str] = ()) -> Rows | None:
+    """One row of the newest prediction; None if the ball is not expected at the hitting plane.
+
+    Args:
+        chain: the state after the step that made the prediction.
+        zero_us: time 0 of the rows on the chain's clock.
+        rig: the names of all cameras. Rows that go into one file need them: a column of text has one width.
+    """
+    prediction, cameras = chain.prediction, "+".join(chain.predicted_from).encode()
+    hit = None if prediction is None else prediction.hit_plane
+    if prediction is None or hit is None:
         return None
     return {
         "t_us": np.array([prediction.t_us - zero_us]),
@@ -57,6 +64,7 @@ def prediction_rows(prediction: Prediction, zero_us: int) -> Rows | None:
         "p_hit_m": hit.p_world_m[None],
         "v_hit_mps": hit.v_world_mps[None],
         "cov": hit.covariance[None],
+        "cameras": np.array([cameras], f"S{len('+'.join(rig).encode()) or len(cameras)}"),
     }
 
 

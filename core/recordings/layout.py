@@ -210,6 +210,7 @@ _EXACTLY: Final[Mapping[str, Columns]] = {
         "p_hit_m": VECTOR,
         "v_hit_mps": VECTOR,
         "cov": ColumnKind("fiu", (6, 6)),
+        "cameras": ColumnKind("S", required=False),  # not in files of older versions
     },
     "/racket_targets": {
         **_POSE,

@@ -26,6 +26,7 @@ TRANSFORMS: Final = "tf2_msgs/msg/TFMessage"
 POINT: Final = "geometry_msgs/msg/PointStamped"
 POSE: Final = "geometry_msgs/msg/PoseStamped"
 PATH: Final = "nav_msgs/msg/Path"
+TEXT: Final = "std_msgs/msg/String"
 MARKER: Final = "visualization_msgs/msg/Marker"
 ANNOTATIONS: Final = "foxglove_msgs/msg/ImageAnnotations"
 _PIXEL_CENTRE: Final = 0.5
@@ -158,6 +159,10 @@ class RosMessages:
     def point(self, time_ns: int, p_world_m: ArrayLike) -> bytes:
         """A point in the world."""
         return self._bytes(POINT, header=self._header(time_ns, WORLD), point=self._point(p_world_m))
+
+    def text(self, text: str) -> bytes:
+        """A text; it has no time of its own."""
+        return self._bytes(TEXT, data=text)
 
     def pose(self, time_ns: int, p_world_m: ArrayLike, q_wxyz: ArrayLike) -> bytes:
         """A pose in the world."""

@@ -2,8 +2,9 @@
 
 Topics, by camera: /NAME/events (EventPacket, EVT3), /NAME/camera_info, and in MCAP /NAME/event_image/compressed (what
 the events look like), /NAME/image/compressed (pictures of an ordinary camera), /NAME/detections (circles for Foxglove).
-/tf_static tells where the cameras stand. In MCAP further: /ball (measured), /ball_true, /prediction, /racket, and the
-drawings /ball_marker and /table.
+/tf_static tells where the cameras stand. In MCAP further: /ball (measured), /ball_true, /prediction, /racket, the names
+of the cameras that a ball and a prediction are made from (/ball_cameras, /prediction_cameras), and the drawings
+/ball_marker and /table.
 """
 
 from __future__ import annotations
@@ -178,6 +179,7 @@ def _chain(
         if step.chain.point is not None:
             point, at_ns = step.chain.point, 1000 * (step.chain.point.t_us + clock)
             yield _Message(time_ns, "/ball", ros.POINT, messages.point(at_ns, point.p_world_m))
+            yield _Message(time_ns, "/ball_cameras", ros.TEXT, messages.text("+".join(point.uvs_px)))
             drawn = messages.ball(at_ns, point.p_world_m, true=False)
             yield _Message(time_ns, "/ball_marker", ros.MARKER, drawn)
         prediction = step.chain.prediction
@@ -185,6 +187,8 @@ def _chain(
             times_ns = np.rint(np.asarray(prediction.curve_t_s) * 1e9).astype(np.int64) + 1000 * clock
             path = messages.path(time_ns, times_ns, prediction.curve_ps_world_m)
             yield _Message(time_ns, "/prediction", ros.PATH, path)
+            names = messages.text("+".join(step.chain.predicted_from))
+            yield _Message(time_ns, "/prediction_cameras", ros.TEXT, names)
 
 
 def _truth(recording: Recording, span: Span, messages: RosMessages) -> Iterator[_Message]:

@@ -202,10 +202,19 @@ def send_ball_truth(stream: rr.RecordingStream, truth: BallTruth, rows: slice) -
     send(stream, f"{BALL}/truth", time_column(truth.t_us[rows]), ball.partition(visible.astype(np.int32)))
 
 
-def send_predictions(stream: rr.RecordingStream, t_us: Sequence[int], predictions: Sequence[Prediction | None]) -> None:
-    """The predicted flight at each time, with the uncertainty of its bounces and of the hit; nothing where none is."""
+def send_predictions(
+    stream: rr.RecordingStream,
+    t_us: Sequence[int],
+    predictions: Sequence[Prediction | None],
+    cameras: Sequence[Sequence[str]] | None = None,
+) -> None:
+    """The predicted flight at each time, with the uncertainty of its bounces and of the hit; nothing where none is.
+
+    With `cameras`, those of each prediction, a label of the flight, shown when it is pointed at, names them.
+    """
     times = time_column(t_us)
     curves = [None if one is None or len(one.curve_t_s) < 2 else one for one in predictions]
+    at = [number for number, one in enumerate(curves) if one is not None]
     shown = [one for one in curves if one is not None]
     if not shown:
         return
@@ -213,6 +222,8 @@ def send_predictions(stream: rr.RecordingStream, t_us: Sequence[int], prediction
         strips=[one.curve_ps_world_m.astype(np.float32) for one in shown],
         colors=[BEFORE_RGB if one.stage == "pre" else AFTER_RGB for one in shown],
         radii=[0.005] * len(shown),
+        labels=None if cameras is None else [", ".join(cameras[number]) for number in at],
+        show_labels=None if cameras is None else [False] * len(shown),
     )
     send(stream, f"{PREDICTION}/flight", times, lines.partition([one is not None for one in curves]))
     touches = [[] if one is None else [(b.p_world_m, b.sigma_m) for b in one.bounces] for one in predictions]
@@ -225,14 +236,18 @@ def send_predictions(stream: rr.RecordingStream, t_us: Sequence[int], prediction
 
 
 def send_recorded_predictions(stream: rr.RecordingStream, rows: Rows) -> None:
-    """Send the recorded predictions of the ball at the hitting plane."""
+    """Send the recorded predictions of the ball at the hitting plane, with a label that names their cameras."""
     variances = np.diagonal(rows["cov"][:, :3, :3], axis1=1, axis2=2)
     sigmas = np.sqrt(np.maximum(variances, 0.0))
     known = np.isfinite(rows["p_hit_m"].sum(axis=1)).tolist()
     points = [
         [(p, np.nan_to_num(sigma))] if ok else [] for p, sigma, ok in zip(rows["p_hit_m"], sigmas, known, strict=True)
     ]
-    _send_ellipsoids(stream, f"{PREDICTION}/recorded_hit", time_column(rows["t_us"]), points, RECORDED_RGB)
+    names = rows.get("cameras")  # not in files of older versions
+    texts = (
+        None if names is None else [text.decode(errors="replace").replace("+", ", ") for text in names[known].tolist()]
+    )
+    _send_ellipsoids(stream, f"{PREDICTION}/recorded_hit", time_column(rows["t_us"]), points, RECORDED_RGB, texts)
 
 
 def send_hit_choices(stream: rr.RecordingStream, rows: Rows) -> None:
@@ -311,6 +326,7 @@ def _send_ellipsoids(
     times: rr.TimeColumn,
     rows: Sequence[Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]],
     colour: tuple[int, int, int],
+    labels: Sequence[str] | None = None,
 ) -> None:
     count = sum(len(row) for row in rows)
     if not count:
@@ -321,5 +337,7 @@ def _send_ellipsoids(
         centers=centres,
         half_sizes=np.maximum(halves, MIN_HALF_SIZE_M),
         colors=[colour] * count,
+        labels=labels,
+        show_labels=None if labels is None else [False] * count,
     )
     send(stream, path, times, columns.partition(lengths_of(rows)))

@@ -202,11 +202,12 @@ class RallyWriter:
         times = [step.end_us for step in steps]
         if is_stereo(recording):
             chains = [step.chain for step in steps if step.chain is not None]
-            # Of two cameras, both place the ball, always.
-            rrd_rally.send_ball(stream, times, [one.point for one in chains], cameras=len(recording.cameras) > 2)
-            ticks = [step for step in steps if step.before is not None]
-            predictions = [None if one.chain is None else one.chain.prediction for one in ticks]
-            rrd_rally.send_predictions(stream, [one.end_us for one in ticks], predictions)
+            named = len(recording.cameras) > 2  # of two cameras, both place the ball, always
+            rrd_rally.send_ball(stream, times, [one.point for one in chains], cameras=named)
+            ticks = [(step.end_us, step.chain) for step in steps if step.before is not None and step.chain is not None]
+            predictions = [chain.prediction for _, chain in ticks]
+            cameras = [chain.predicted_from for _, chain in ticks] if named else None
+            rrd_rally.send_predictions(stream, [end_us for end_us, _ in ticks], predictions, cameras)
         for name, camera in recording.cameras.items():
             found = [step.detections[name] for step in steps]
             rrd_camera.send_detections(stream, self._paths[name], times, found)

@@ -29,13 +29,21 @@ MANY: Final = 3
 """So many pictures stand in rows, two or three beside each other."""
 SCENE: Final = "3D"
 """What stands in the middle if no picture does."""
-Sighting = Literal["used", "elsewhere", "none"]
-SIGHTING_MARKS: Final[Mapping[Sighting, str]] = {"used": "\u25cf", "elsewhere": "\u2715", "none": "\u25cb"}
-"""Before a camera's name: the ball's position is made of it; it found something elsewhere; it found no ball."""
+Sighting = Literal["used", "elsewhere", "none", "unknown"]
+SIGHTING_MARKS: Final[Mapping[Sighting, str]] = {
+    "used": "\u25cf ",
+    "elsewhere": "\u2715 ",
+    "none": "\u25cb ",
+    "unknown": "",
+}
+"""Before a camera's name: the ball's position is made of it; it found something elsewhere; it found no ball; the chain
+has not come there yet."""
 
 
 def sighting_of(request: CameraPicturesRequest, camera: str) -> Sighting:
     """What a camera contributes to the ball's position."""
+    if not request.reached:
+        return "unknown"
     if request.is_outlier(camera):
         return "elsewhere"
     return "used" if camera in request.circles else "none"
@@ -134,7 +142,7 @@ class CamerasPanel:
                 self._larger = self._add_larger(tuple(pngs), many=len(pngs) >= MANY)
         for name, png in pngs.items():
             set_png(self._images[name], png)
-            caption = name if len(pngs) < MANY else f"{SIGHTING_MARKS[sightings[name]]} {name}"
+            caption = name if len(pngs) < MANY else f"{SIGHTING_MARKS[sightings[name]]}{name}"
             if self._images[name].label != caption:
                 self._images[name].label = caption
 

@@ -182,7 +182,8 @@ class WatchMode:
         history = self._rally.history
         if state.playhead.following:
             now_us = min(now_us, history.followed_us)
-        key = (now_us, state.watch, state.look, history.followed_us >= now_us, history.outcome_count)
+        followed = history.followed_us >= now_us, self._rally.has_reached(now_us)
+        key = (now_us, state.watch, state.look, followed, history.outcome_count)
         status_every_s = THROTTLED_S if self._host.is_throttled else STATUS_EVERY_S
         status_is_due = wall_s - self._status_s >= status_every_s  # also while the clock stands: the link may be lost
         if key == self._drawn and not status_is_due:
@@ -259,15 +260,16 @@ class WatchMode:
     def _pictures_at(
         self, state: ClientState, moment: RallyMoment, of_frames: Mapping[str, FrameSighting]
     ) -> CameraPicturesRequest:
-        recording = self._host.recording
-        assert recording is not None
+        recording, rally = self._host.recording, self._rally
+        assert recording is not None and rally is not None
         shown_us = min(state.look.window_us, OLDEST_US)  # a circle belongs to the events that are drawn
         step = None if moment.step is None or moment.step.t_us < moment.t_us - shown_us else moment.step
         circles = {} if step is None else step.circles
         used = frozenset() if step is None else step.used
         with_truth = "True ball" not in state.watch.hidden
         numbers = tuple((name, one.number) for name, one in of_frames.items())
-        return CameraPicturesRequest(recording, moment.t_us, state.look, circles, with_truth, used, numbers)
+        reached = rally.has_reached(moment.t_us)
+        return CameraPicturesRequest(recording, moment.t_us, state.look, circles, with_truth, used, numbers, reached)
 
     def _request_pictures(self, state: ClientState, request: CameraPicturesRequest, wall_s: float) -> None:
         every_s = THROTTLED_S if self._host.is_throttled else PICTURES_EVERY_S

@@ -1,5 +1,6 @@
 """What the tab Health says of a recording: only what is wrong is red."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from app.shared.library import Library
 from app.shared.workspace import Workspace
 from core.events import Health
 from core.recordings import ImportOrder, import_recording
+from tests.frames_beside_events import write_frames_beside_events
 
 
 def test_where_a_recording_came_from_is_no_fault(tmp_path: Path) -> None:
@@ -36,3 +38,13 @@ def test_hot_pixels_are_red_only_where_they_are_many(hot: int, red: bool) -> Non
     said = health_html(RecordingInfo("demo", {}, {"left": health}, {"left": HD}, ()))
     assert (theme.BAD in said) == red and ("no problems found" in said) != red
     assert f"left: {hot} hot pixels" in said and str(harmless_hot_pixels(HD)) in said and "(0, 1)" in said
+
+
+def test_ordinary_cameras_have_a_line_of_their_pictures(tmp_path: Path) -> None:
+    workspace = Workspace(tmp_path)
+    write_frames_beside_events(workspace.recording_path("frames"))
+    library = Library(workspace)
+    info = gather_info(library, "frames")
+    library.close()
+    assert "far_left: 3 pictures, 50.0 per second, at most 20.0 ms apart" in health_html(info)
+    assert "far_left: 1 picture<" in health_html(replace(info, frames={"far_left": np.array([7])}))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.modes.watch.cameras_panel import sighting_of
+from app.modes.watch.cameras_panel import SIGHTING_MARKS, sighting_of
 from app.pictures.palette import PaletteIndex
 from app.state.client_state import RenderSettings
 from app.views.camera_pictures import (
@@ -44,6 +44,12 @@ def request_of_four(tmp_path) -> Iterator[CameraPicturesRequest]:
 
 def test_each_camera_of_many_has_a_mark_of_what_it_found(request_of_four) -> None:
     assert [sighting_of(request_of_four, name) for name in NAMES] == ["used", "used", "elsewhere", "none"]
+
+
+def test_where_the_chain_has_not_come_yet_nobody_is_said_to_see_no_ball(request_of_four) -> None:
+    waiting = replace(request_of_four, circles={}, used=frozenset(), reached=False)
+    assert {sighting_of(waiting, name) for name in NAMES} == {"unknown"} and SIGHTING_MARKS["unknown"] == ""
+    assert waiting.key != replace(waiting, reached=True).key
 
 
 def test_what_is_not_the_ball_of_the_others_is_ringed_in_another_colour(request_of_four) -> None:

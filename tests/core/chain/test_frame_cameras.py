@@ -81,6 +81,19 @@ def test_every_picture_of_a_flight_moves_it_at_the_middle_of_its_exposure() -> N
     assert all(FRAMES not in state.used for state in states if state.t_us % 16_000), "only when there is a new one"
 
 
+def test_a_prediction_is_made_from_all_cameras_that_were_used_since_the_one_before_it() -> None:
+    used, predictions = set(), []
+    for state in follow():
+        used |= state.used
+        if state.is_new:
+            predictions.append(state.predicted_from)
+            assert state.predicted_from == tuple(name for name in CAMERAS if name in used)
+            used = set()
+        assert state.predicted_from == (predictions[-1] if predictions else ())
+    both = tuple(EVENT_CAMERAS)
+    assert set(predictions) == {both, (*both, FRAMES)} and predictions.count(both) > 8
+
+
 def test_a_picture_of_something_else_moves_nothing() -> None:
     assert not any(FRAMES in state.single for state in follow(off_px=60.0))
 

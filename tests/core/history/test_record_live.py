@@ -116,6 +116,7 @@ def test_what_the_player_expected_and_decided_is_read_back(client, tmp_path):
         assert found["t_hit_us"] + zero_us == round(1e6 * one.hit_plane.t_s)
         np.testing.assert_array_equal(found["p_hit_m"], one.hit_plane.p_world_m)
         np.testing.assert_array_equal(found["cov"], one.hit_plane.covariance)
+    assert set(predictions["cameras"].tolist()) == {b"left+right"}
     made = list(dict.fromkeys(one for one in choices if one is not None))
     assert np.unique(places["t_us"] + zero_us).tolist() == [one.t_us for one in made if one.candidates]
     looked_at = [(one, place) for one in made for place in one.candidates]

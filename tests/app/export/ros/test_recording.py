@@ -128,6 +128,13 @@ def test_the_ball_of_an_mcap_file_is_where_it_truly_is(recording, messages):
     assert messages["/table"][0][1].scale.x == 2.74
 
 
+@pytest.mark.parametrize("what", ["ball", "prediction"])
+def test_each_ball_and_prediction_of_an_mcap_file_names_its_cameras(messages, what):
+    of_each = messages[f"/{what}_cameras"]
+    assert [time for time, _ in of_each] == [time for time, _ in messages[f"/{what}"]]
+    assert {one.data for _, one in of_each} == {"left+right"}
+
+
 def test_detections_lie_on_the_true_ball_in_the_pixels_of_foxglove(recording, messages):
     truth = recording.cameras["left"].truth
     found = messages["/left/detections"]

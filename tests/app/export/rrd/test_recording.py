@@ -58,6 +58,12 @@ def entities(path: Path) -> set[str]:
     return {line.partition(":")[0].strip("/") for line in section.splitlines() if line.startswith("/")}
 
 
+def contents_of(path: Path, entity: str) -> str:
+    """All that the file has of an entity, as Rerun prints it."""
+    chunks = rerun("print", "-vvv", str(path)).split("\nChunk(")
+    return "\n".join(chunk for chunk in chunks if f" - /{entity} - " in chunk.partition("\n")[0])
+
+
 @pytest.fixture(scope="module")
 def exported(serve_recording: Path, tmp_path_factory) -> Path:
     with open_recording(serve_recording) as recording:
@@ -101,6 +107,7 @@ def test_the_command_line_shows_racket_episodes_predictions_and_labels(serve_rec
     assert {f"world/{name}" for name in ("racket", "racket/blade", "racket_target", "target", "landings")} <= found
     assert {"plots/reward", "world/prediction/recorded_hit", "world/cameras/left/picture/label"} <= found
     assert "world/prediction/hit_places" in found
+    assert "left, right" in contents_of(out, "world/prediction/recorded_hit")
     assert main(["export", str(source), "--csv", str(tmp_path / "tables"), "--end-us", "30000"]) == 0
     with (tmp_path / "tables" / "hit_choices.csv").open(newline="") as file:
         places = list(csv.DictReader(file))
@@ -115,6 +122,14 @@ def test_the_command_line_shows_racket_episodes_predictions_and_labels(serve_rec
         store.undo()
     assert main([*words, "--force", "--annotator", "Anna", *data]) == 0, "a name under which nothing is labelled"
     assert "world/cameras/left/picture/label" not in entities(out)
+
+
+def test_of_four_cameras_ball_and_flight_name_those_that_they_are_made_from(four_recording, tmp_path) -> None:
+    with open_recording(four_recording) as recording:
+        task = task_of(recording, tmp_path / "four.rrd", Span(100_000, 160_000), pictures=False, plots=False)
+        export_rrd(task)
+    for entity in ("world/ball/triangulated", "world/prediction/flight"):
+        assert "near_left, near_right" in contents_of(task.path, entity), entity
 
 
 def test_a_single_camera_without_calibration_has_pictures_and_detections_only(serve_recording, tmp_path) -> None:
@@ -231,6 +246,7 @@ def _recording_of_a_rally(serve: Path, path: Path) -> Path:
                 "t_us": np.array([10_000, 20_000]), "stage": np.array([b"pre", b"post"]),
                 "t_hit_us": np.array([400_000, 410_000]), "p_hit_m": np.array([[-1.42, 0, 0.2], [np.nan] * 3]),
                 "v_hit_mps": np.zeros((2, 3)), "cov": np.tile(np.eye(6) * 1e-4, (2, 1, 1)),
+                "cameras": np.array([b"left+right", b"right"]),
             })  # fmt: skip
             writer.append_rows("/hit_choices", {
                 "t_us": np.array([10_000, 10_000, 40_000]), "t_hit_us": np.array([350_000, 400_000, 400_000]),
