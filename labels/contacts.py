@@ -57,7 +57,7 @@ def match_contacts(
 def new_contacts(
     found: Sequence[ContactLabel], known: Sequence[ContactLabel], *, replace: bool = False
 ) -> tuple[ContactLabel, ...]:
-    """Those of `found` that are no event of `known`; to `replace`, all that are not known exactly so."""
+    """Contacts of `found` that are no event of `known`; to `replace`, all that are not known exactly so."""
     if replace:
         return tuple(contact for contact in found if contact not in known)
     there = {row for row, _ in match_contacts(found, known)}
@@ -65,7 +65,7 @@ def new_contacts(
 
 
 def join_contacts(first: Sequence[ContactLabel], second: Sequence[ContactLabel]) -> tuple[ContactLabel, ...]:
-    """Those of both, by time; of an event that both have, the first's."""
+    """Contacts of both, by time; of an event that both have, the first's."""
     return tuple(sorted((*first, *new_contacts(second, first)), key=lambda contact: contact.t_us))
 
 

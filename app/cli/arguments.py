@@ -221,7 +221,7 @@ def name_the_flag(error: RallyscopeError, words: Iterable[str]) -> RallyscopeErr
 
 
 def given(values: Mapping[str, A | None]) -> dict[str, A]:
-    """Those that were given: what is None is left to others."""
+    """The values that were given, without those that are None."""
     return {name: value for name, value in values.items() if value is not None}
 
 

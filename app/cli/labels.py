@@ -171,7 +171,7 @@ def _labelled_us(folder: Path, uuid: str, camera: str, annotator: str) -> set[in
 
 
 def _frame_times(path: Path | None, stream: Labelled) -> FrameTimes:
-    """Those of the table; without one those of the camera's own pictures, if it takes any."""
+    """Times of the frames: those of a table, without one those of the camera's own pictures, if it takes any."""
     if path is not None:
         return read_frame_times(path)
     return FrameTimes(stream.frames_us if isinstance(stream, LabelSource) else None)

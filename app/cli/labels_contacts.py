@@ -81,7 +81,7 @@ def run_contacts(arguments: LabelContactsArguments) -> None:
 
 
 def _contacts_of(arguments: LabelContactsArguments, recording: Recording, name: str) -> tuple[ContactLabel, ...]:
-    """Those of an annotator in all cameras, each event once; or those of the ground truth."""
+    """Contacts of an annotator in all cameras, each event once; or those of the ground truth."""
     if name == TRUTH:
         if recording.ball is None:
             raise CommandError("this recording has no ground truth of the ball", where=arguments.recording)

@@ -40,7 +40,7 @@ class StreamingArguments:
     )
 
     def added_us(self) -> int | None:
-        """That delay; None without `--streaming`.
+        """The added delay of each answer, us; None without `--streaming`.
 
         Raises:
             CommandError: for a delay without it.

@@ -57,7 +57,7 @@ class Services:
         viewer_address: str | None = None,
         places: JobBackends = HERE_ONLY,
     ) -> Services:
-        """Those of a workspace; `viewer_address` is that of a Rerun viewer which may be streamed to."""
+        """The services of a workspace; `viewer_address` is that of a Rerun viewer which may be streamed to."""
         label_stores = LabelStoreRegistry(workspace.labels, tool=LABEL_TOOL)
         return cls(
             workspace,

@@ -21,7 +21,7 @@ OF_EVENT_CAMERA: Final = "{} frames"
 
 
 def titled_frames(recording: Recording) -> dict[str, FrameStream]:
-    """As `shown_frames`, but none of a live rally: its pictures change while one looks into them or labels."""
+    """`shown_frames` of a file; none of a live rally: its pictures change while one looks into them or labels."""
     return shown_frames(recording) if isinstance(recording, FileRecording) else {}
 
 

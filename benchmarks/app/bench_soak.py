@@ -77,7 +77,7 @@ class Annotator:
 
     @property
     def times_us(self) -> set[int]:
-        """That have to be labelled."""
+        """Times that have to be labelled."""
         return {step * DEFAULT_STEP_US for step in self._steps}
 
     def begin(self) -> None:

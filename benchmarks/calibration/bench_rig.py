@@ -328,7 +328,7 @@ def referee(tracks: BodyTracks, found: RigCalibration) -> Rig | None:
 
 
 def _for_anipose(kind: Any, camera: Camera, rng: np.random.Generator, number: int) -> Any:
-    """Their camera, with an error of its pose to start from; they store `T_camera_world` as rvec and tvec."""
+    """A camera of anipose, with an error of its pose to start from; rvec and tvec are those of `T_camera_world`."""
     T = camera.T_world_camera
     if number:
         turn = Rotation.from_rotvec(np.radians(TURN_DEG) * rng.normal(size=3) / np.sqrt(3)).as_matrix()

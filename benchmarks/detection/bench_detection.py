@@ -98,7 +98,7 @@ def run(progress: Progress) -> dict[str, object]:
 def time_both(
     streams: Sequence[CameraStream], config: DetectorConfig, window_us: int, count: int, evict: NDArray[np.int64]
 ) -> dict[str, object]:
-    """Both on `count` windows with the ball in the picture, with a track that saw it where it was at their start.
+    """Compare the fast detector with the reference on `count` windows with the ball in the picture, its track known.
 
     Milliseconds of thread CPU time of the fast detector and the reference, ratios of the reference's to the fast one's,
     and in how many windows they did not answer the same.

@@ -249,7 +249,7 @@ def _train(
 
 
 def split_pool(pool: TrainingPictures) -> tuple[TrainingPictures, TrainingPictures]:
-    """Those to train with, and the last ones to choose the confidence on; of a single group all are trained with."""
+    """Pictures to train with, and the last ones to choose the confidence on; a single group is all trained with."""
     groups = len(pool.groups)
     kept = groups - max(1, round(CHOICE_SHARE * groups)) if groups > 1 else groups
     return pool.part(0, kept), pool.part(kept, groups)

@@ -82,7 +82,7 @@ def _durability(folder: Path, rng: np.random.Generator) -> list[Row]:
 
 
 def _shared_folder(folder: Path, rng: np.random.Generator) -> list[Row]:
-    """The same for a folder of a network: a rollback journal, and one writer with a lease."""
+    """Kills and writes as on a folder of a network: a rollback journal, and one writer with a lease."""
     before = os.environ.get(JOURNAL_VARIABLE)
     os.environ[JOURNAL_VARIABLE] = ROLLBACK  # the processes that are killed inherit it
     try:

@@ -110,7 +110,7 @@ def seeds_in_turn(experiments: Sequence[Experiment]) -> list[tuple[Experiment, i
 
 
 def missing_seeds(wanted: Sequence[tuple[Experiment, int]], folder: Path) -> list[tuple[Experiment, int]]:
-    """Those that are not in the folder already."""
+    """The seeds whose results are not in the folder already."""
     return [(experiment, seed) for experiment, seed in wanted if not _path(experiment, folder, seed).exists()]
 
 

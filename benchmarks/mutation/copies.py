@@ -75,7 +75,7 @@ class Copy:
     def run(
         self, arguments: list[str], limit_s: float, coverage: Mapping[str, Any] | None = None, **env: str
     ) -> tuple[int, str]:
-        """The same in a fork, and not compiled; `coverage`: what is measured meanwhile, arguments of `Coverage`."""
+        """Run pytest in a fork, kernels as Python; `coverage`: arguments of the `Coverage` that measures it."""
         self._said.unlink(missing_ok=True)
         environment = {**self._environment, **env}
         process = self._forks.Process(
@@ -108,7 +108,7 @@ class Copy:
 
 
 def _processor_s(pid: int) -> float:
-    """Of a process and its children, those that have ended among them."""
+    """Processor time of a process and its children, those that have ended among them, s."""
     total_s = 0.0
     with suppress(psutil.Error):
         process = psutil.Process(pid)

@@ -279,7 +279,7 @@ def look_back_us(method: Method, config: DetectorConfig, speed_px_per_ms: float)
 
 
 def edge_events(events: Events, truth: PixelTruth) -> Events:
-    """Those that lie on the edge of the true ball at the time of the light that they are of."""
+    """Events that lie on the edge of the true ball at the time of the light that they are of."""
     at = truth.at(events.t_us - SENSOR_DELAY_US)
     distance = np.hypot(events.x_px - at.u_px, events.y_px - at.v_px)
     return events.rows(np.nan_to_num(np.abs(distance - at.r_px), nan=np.inf) <= RIM_PX)

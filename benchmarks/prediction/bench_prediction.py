@@ -135,7 +135,7 @@ def rounded(values: Sequence[float] | Array, percent: float, digits: int = 2) ->
 
 
 def median_and_p95(values: Sequence[float], name: str) -> dict[str, object]:
-    """Both in millimetres, and of how many flights."""
+    """Median and 95th percentile of errors in metres, in millimetres, and their number."""
     return {
         f"{name}_median_mm": rounded(values, 50),
         f"{name}_p95_mm": rounded(values, 95),

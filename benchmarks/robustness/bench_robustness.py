@@ -154,7 +154,7 @@ class WrongWires:
         world.aim(replace(target, q_wxyz=q, t_s=target.t_s + late_s), after_s=late_s)
 
     def _lamp(self, camera: Camera) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Its pixels in a picture."""
+        """The lamp's pixels in a picture, as (columns, rows)."""
         r, sensor = LAMP_RADIUS_PX, camera.sensor
         u = int(self._rng.integers(r, sensor.width_px - r))
         v = int(self._rng.integers(r, sensor.height_px - r))

@@ -253,6 +253,7 @@ ROUNDS: Final = 12
 HUBER_SIGMAS: Final = 1.5
 """Sightings farther off than that pull no harder (Huber's weights)."""
 MIN_SIGMA_PX: Final = 0.02
+"""Least sigma of the residuals: without it sightings that fit exactly would give all others no weight."""
 LIKELY_TURN: Final = 3e-3
 """Radians that a camera is turned by, when it is: for what is said of places where nothing was seen."""
 

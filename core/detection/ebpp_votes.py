@@ -58,7 +58,7 @@ def voted_circles(blurred: NDArray[np.uint8], config: EbppConfig, votes_min: flo
 
 
 def _peaks(votes: NDArray[np.int32], cells: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """Those of the cells (N, 2), row and column, with the most votes around, the largest first."""
+    """Cells, of (N, 2) row and column, that have the most votes around, the largest first."""
     rows, columns = cells.T
     most, (height, width) = votes[rows, columns], votes.shape
     peak = np.ones(len(rows), np.bool_)

@@ -15,6 +15,7 @@ from core.trajectory.prediction import HitPlane
 Array = NDArray[np.float64]
 BIN_MS: Final = 25.0
 LONGEST_MS: Final = 500.0
+"""Width of the bins of `LeadTimeErrors.medians`, and the end of the last one."""
 FEWEST: Final = 3
 """Predictions that a bin must hold to be shown."""
 STRUCK_WITHIN_M: Final = 0.06

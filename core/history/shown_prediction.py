@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 SAME_PLACE_M: Final = 1e-4
 """A recording tells where the racket was sent only to rounding."""
 PATH_POINTS: Final = 48
+"""Most points of a path; the scene resamples shorter ones to as many, so that its handle is reused."""
 TUBE_POINTS: Final = 20
 
 

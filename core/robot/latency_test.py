@@ -123,7 +123,7 @@ def _rest(robot: RobotClient, refuse: Callable[[], str]) -> Array:
 
 
 def _state(robot: RobotClient, refuse: Callable[[], str]) -> RobotState:
-    """Its newest state, if the test may go on."""
+    """The robot's newest state, if the test may go on."""
     status = robot.status
     if status.stop is not None:
         raise _broken_off("stopped", f"stopped by {status.stop.by}: {status.stop.reason}")
@@ -155,7 +155,7 @@ def _aside(limits: RobotLimits, base: Array) -> Array:
 
 
 def _takes_s(limits: RobotLimits, length_m: float) -> float:
-    """As long as the cubic needs that is within a share of the limits."""
+    """Time of a cubic move of this length that stays within `SHARE_OF_LIMITS`, s."""
     speed, force = SHARE_OF_LIMITS * limits.max_speed_mps, SHARE_OF_LIMITS * limits.max_acceleration_mps2
     takes_s = max(TAKES_S, 1.5 * length_m / speed, math.sqrt(6 * length_m / force))
     if takes_s > LONGEST_S:

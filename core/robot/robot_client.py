@@ -89,7 +89,7 @@ class RobotClient:
             return self._watch.status(host_us())
 
     def states_since(self, robot_us: int) -> list[RobotState]:
-        """Its states later than a time of its clock, in order; of the last seconds."""
+        """The robot's states of the last seconds that are later than a time of its clock, in order."""
         with self._lock:
             return [state for state in self._watch.states if state.t_us > robot_us]
 

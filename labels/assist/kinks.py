@@ -175,7 +175,7 @@ def _add_kink(kinks: list[Kink], kink: Kink | None, known: Sequence[Kink], confi
 
 
 def _peaks(kinks: list[Kink], config: ContactProposalConfig) -> list[Kink]:
-    """Those that are clearer than all others so near; by time."""
+    """Kinks that are clearer than all others within `apart_us` / 2, by time."""
     times, gains = np.array([kink.t_us for kink in kinks]), np.array([kink.gain for kink in kinks])
     first = np.searchsorted(times, times - config.apart_us / 2)
     last = np.searchsorted(times, times + config.apart_us / 2, side="right")

@@ -107,7 +107,7 @@ class Proposals:
         return len(self.t_us)
 
     def between(self, start_us: int, end_us: int) -> Proposals:
-        """Those with `start_us <= t < end_us`."""
+        """Proposals with `start_us <= t < end_us`."""
         first, last = np.searchsorted(self.t_us, (start_us, end_us))
         return self.rows(slice(int(first), max(int(first), int(last))))
 

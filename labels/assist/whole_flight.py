@@ -151,7 +151,7 @@ class _View:
         return self.part.rows(self.agreed)
 
     def doubts(self, flight: FittedFlight, start_us: int, end_us: int) -> tuple[Doubt, ...]:
-        """Those of the time of the flight that do not."""
+        """The proposals in [start_us, end_us) that do not agree with the flight."""
         rows = self.between(start_us, end_us) & ~self.agreed
         off_px = self.off_px(flight, rows)
         return tuple(Doubt(t, off) for t, off in zip(self.part.t_us[rows].tolist(), off_px.tolist(), strict=True))

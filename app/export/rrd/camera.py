@@ -144,7 +144,7 @@ class PicturePool:
             self._send()
 
     def ready(self, *, everything: bool = False) -> list[tuple[str, CameraPicture]]:
-        """Those that are made; with `everything`, wait for all of them."""
+        """The pictures that are made, by camera, in the order of their jobs; with `everything`, wait for all."""
         if everything and self._jobs:
             self._send()
         found: list[tuple[str, CameraPicture]] = []

@@ -31,7 +31,7 @@ SIZE: Final = SensorSize(1280, 720)
 FRAMES_PER_S: Final = 25.0
 """Frame rate; balls fly at their real speed."""
 EVERY: Final = 10
-"""One ball of this many is shown, and the last;"""
+"""One ball of this many is shown, and the last one."""
 MAX_BALLS: Final = 300
 """About the most balls shown: ten minutes of film. Of a long training every 20th, 30th ... is shown."""
 WINDOW: Final = 25

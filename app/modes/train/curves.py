@@ -17,9 +17,9 @@ from core.physics.episode import Case
 
 Array = NDArray[np.float64]
 WINDOW: Final = 25
-"""Balls averaged in a point of a smoothed curve; fewer at the beginning,"""
+"""Balls averaged in a point of a smoothed curve; fewer at the beginning, `FEWEST` at least."""
 FEWEST: Final = 5
-"""but not fewer than this: one lucky ball is no return rate."""
+"""Fewest balls of a point: one lucky ball is no return rate."""
 MAX_POINTS: Final = 1000
 MAX_VALUES: Final = 10_000
 """Most points of all seeds' lines of a chart: they are sent anew twice a second."""

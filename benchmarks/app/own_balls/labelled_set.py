@@ -44,7 +44,7 @@ class LabelledLayer:
 
     @property
     def asked(self) -> LabelArrays:
-        """Those that a detector is asked about: all but occluded balls."""
+        """Labels that a detector is asked about: all but occluded balls."""
         return self.labels.rows(self.labels.state != STATES.index(LabelState.OCCLUDED))
 
 

@@ -60,7 +60,7 @@ class Samples:
     """(G, K, C) of a sighting, relative to the others; 1 where the source does not say."""
 
     def by_clocks(self, offsets_us: Array, drifts_ppm: Array) -> Samples:
-        """The same sightings by other clocks: none comes or goes, so that a fit cannot get rid of them."""
+        """These sightings by other clocks: none comes or goes, so that a fit cannot get rid of them."""
         step = (offsets_us - self.offsets_us) + 1e-6 * np.outer(self.since_us, drifts_ppm - self.drifts_ppm)
         if not step.any():
             return self

@@ -230,7 +230,7 @@ class LandingModelAgent:
         return descend((losses * weights).sum() / len(labels), self._model_optimizer)
 
     def _strokes(self, balls: Balls, actions: Tensor) -> Balls:
-        """The same balls with other strokes."""
+        """Balls with other strokes."""
         if not self._chooses_speed:
             return dataclasses.replace(balls, actions=actions)
         low, high = CHOSEN_MPS

@@ -48,9 +48,9 @@ class Policy:
     sees_racket_speed: bool
     """The racket's speed is the input after the state."""
     incoming_mps: Floats
-    """(K,) ascending mean speeds at which the balls of the stages arrive along x, and"""
+    """(K,) ascending mean speeds at which the balls of the stages arrive along x, m/s."""
     racket_mps: Floats
-    """(K,) the racket's speed for each: a ball between two stages is met in between."""
+    """(K,) the racket's speed for each of `incoming_mps`, m/s: a ball between two stages is met in between."""
     state: StateKind = "plain"
     """Kind of the ball's state that it needs."""
     chooses_speed: bool = False

@@ -74,9 +74,9 @@ class FeatureActor:
 AMPLITUDE_MPS: Final = 3.0
 """Prior standard deviation of the velocity's constant, linear and curved part each (choice: wide)."""
 LENGTHS: Final = (2.0, 4.0)
-"""Candidate length scales, in units of the inputs, which are about 1; the likelier one is used, as with"""
+"""Candidate length scales, in units of the inputs, which are about 1; the likelier one is used."""
 NOISES_MPS: Final = (1e-3, 1e-2, 0.03, 0.1, 0.3)
-"""the residual noise: 1 mm/s with the true state, some cm/s with a perceived state."""
+"""Candidates of the residual noise, chosen likewise: 1 mm/s with the true state, some cm/s with a perceived state."""
 ODD: Final = 5.0
 """A ball more standard deviations than this from its leave-one-out prediction is an outlier and is dropped."""
 SLOWEST_MPS: Final = 0.3
@@ -259,7 +259,7 @@ class ReplayStates:
 
 
 def replay_states(buffer: ReplayBuffer) -> ReplayStates:
-    """Those of a buffer, the oldest first."""
+    """The balls of a buffer that crossed the net and landed, the oldest first."""
     known = buffer.column("known").all(axis=1)
     columns = ("state", "racket_speed", "action", "next_state", "net_z")
     states, racket, actions, after, net_z = (buffer.column(name)[known].astype(np.float64) for name in columns)

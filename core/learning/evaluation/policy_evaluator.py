@@ -162,7 +162,6 @@ def _plains(values: Array) -> list[float | None]:
     return [_plain(value) for value in values.tolist()]
 
 
-"""Number of best evaluations by which the paper shows each method."""
 MISSED_MM: Final = 1000 * TABLE_LENGTH_M
 """Error of a ball that the racket missed (choice): the table's length."""
 BallSet = Literal["test", "validation"]
@@ -261,11 +260,12 @@ def score_played(
 
 
 COARSE, FINE, ROUNDS = 15, 7, 5
-CHOSEN_COARSE, CHOSEN_FINE, CHOSEN_ROUNDS, CHOSEN_ZOOM = (9, 5, 9), 3, 12, 0.6
-"""Search grid where the racket's speed is searched too: tilts, turns and speeds of the first grid, and of finer ones,
-each so much narrower than the one before."""
 """The oracle's grid over the two angles that matter, and how often it zooms in around the best point."""
+CHOSEN_COARSE, CHOSEN_FINE, CHOSEN_ROUNDS, CHOSEN_ZOOM = (9, 5, 9), 3, 12, 0.6
+"""The oracle's grid where the racket's speed is searched too: tilts, turns and speeds of the first grid, and of finer
+ones, each so much narrower than the one before."""
 NOT_RETURNED_MM = 1e5
+"""Cost of a ball that does not come back, beside its landing error: more than any landing error."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,9 +23,9 @@ Array = NDArray[np.float64]
 MAP_SEED: Final = 20260406
 """Seed of the serves of maps: others than those of training, evaluation and validation."""
 ALONG: Final = 7
-"""Cells from the net to the opponent's end, and"""
+"""Cells from the net to the opponent's end."""
 ACROSS: Final = 8
-"""from side to side: nearly square ones of 19 cm."""
+"""Cells from side to side: with `ALONG` they are nearly square, 19 cm."""
 SERVES: Final = 24
 """Serves per target."""
 

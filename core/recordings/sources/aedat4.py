@@ -143,7 +143,7 @@ def _messages(path: Path, track: int | None, start: int) -> Iterator[tuple[bytes
 
 
 def _read(pipe: IO[bytes], length: int) -> bytes | None:
-    """So many bytes, or None if they do not come."""
+    """The next `length` bytes, or None if they do not come."""
     parts: list[bytes] = []
     while length > 0:
         if not select.select([pipe], [], [], _SILENCE_S)[0]:

@@ -292,7 +292,7 @@ def _unsorted(t: NDArray, x: NDArray, y: NDArray, on: NDArray, sensor: SensorSiz
 
 
 def _sorted_parts(parts: Iterable[Events], sensor: SensorSize) -> Iterator[Events]:
-    """The same events in the order of their times; each part is sorted in itself and may overlap those before it."""
+    """Events in the order of their times; each part is sorted in itself and may overlap those before it."""
     held: deque[Events] = deque()
     latest_us = 0
     for part in parts:

@@ -195,7 +195,10 @@ def _say_left_out(
 def _decode_part(
     words: NDArray, state: NDArray, kind: _Format, sensor: SensorSize, report: DecodeReport
 ) -> tuple[Events, int, int]:
-    """As many events as there is room for: memory stays bounded, whatever the words expand to."""
+    """The first events, as many as there is room for: memory stays bounded, whatever the words expand to.
+
+    With them the number of words used, and what is damaged behind them (0: nothing).
+    """
     out = Decoded.empty(_ROOM_EVENTS, _ROOM_TRIGGERS)
     used, count, triggers, damage = kind.decode(words, state, sensor.width_px, sensor.height_px, out)
     report.add_triggers(out.trigger_t_us[:triggers], out.trigger_on[:triggers], out.trigger_id[:triggers])

@@ -39,7 +39,7 @@ from core.recordings.truth import BallTruth
 
 LABEL_SUFFIX: Final = "_label.h5"
 INSTANT_US: Final = 500
-"""A row's instant within its millisecond, as that of a label."""
+"""Instant of a row, and of a label, within its millisecond."""
 FOLDER: Final = "metadata"
 UP: Final = 4
 """Folders above the events in which that one may lie."""

@@ -202,7 +202,7 @@ class Readout:
         self._waiting = MergedEvents(empty, empty.astype(np.uint16), empty.astype(np.uint16), empty.astype(np.bool_))
 
     def pass_on(self, events: MergedEvents, end_us: int, config: SensorConfig) -> MergedEvents:
-        """Those of the earlier blocks and of this one that are read before `end_us`; the others wait."""
+        """Events of the earlier blocks and of this one that are read before `end_us`; the others wait."""
         stamps = np.empty(len(events.t_us), np.int64)
         each_us, limit_us = 1.0 / config.readout_mevps, config.readout_limit_us
         self._free_us, delayed, dropped, longest = _queue(events.t_us, each_us, limit_us, self._free_us, stamps)

@@ -2,9 +2,7 @@
 
 import dataclasses
 import json
-import queue
 import shutil
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,7 +21,7 @@ from core.learning.task.environment import BALLS, draw_serve_batch
 from core.live.link.guard import ServerKeys, make_keys, read_server_keys
 from core.live.link.server import ServerConfig, SimulationServer
 from tests.core.learning.task.test_recorded_balls import write_states
-from tests.waiting import PATIENCE_S
+from tests.simulation_servers import serving
 
 SHORT = ["--agent", "landing-model", "--state-source", "truth"]
 
@@ -153,29 +151,16 @@ def test_evaluate_needs_a_trained_run(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 @contextmanager
-def serving(keys: ServerKeys | None = None, cameras: dict[str, Camera] | None = None) -> Iterator[str]:
+def serving_training(keys: ServerKeys | None = None, cameras: dict[str, Camera] | None = None) -> Iterator[str]:
     """A simulation server, with small cameras unless told otherwise; its address."""
     cameras = cameras or stereo_preset("side", SensorSize(320, 240))
-    addresses: queue.SimpleQueue[str] = queue.SimpleQueue()
-    ended = threading.Event()
-
-    def serve() -> None:
-        server = SimulationServer(ServerConfig(), cameras, "tcp://127.0.0.1:0", keys=keys)
-        addresses.put(server.address)
-        server.run(ended.is_set)
-
-    thread = threading.Thread(target=serve)
-    thread.start()
-    try:
-        yield addresses.get(timeout=PATIENCE_S)
-    finally:
-        ended.set()
-        thread.join()
+    with serving(SimulationServer(ServerConfig(), cameras, "tcp://127.0.0.1:0", keys=keys)) as server:
+        yield server.address
 
 
 @pytest.fixture
 def server() -> Iterator[str]:
-    with serving() as address:
+    with serving_training() as address:
         yield address
 
 
@@ -197,7 +182,7 @@ def test_a_server_with_keys_trains_only_who_has_them(tmp_path: Path, capsys: pyt
     for maker in ("lab", "stranger"):
         make_keys(tmp_path / maker)
     options = ["--agent", "landing-model", "--episodes", "2", "--state-source", "truth"]
-    with serving(read_server_keys(tmp_path / "lab" / "server")) as address:
+    with serving_training(read_server_keys(tmp_path / "lab" / "server")) as address:
         ours = ["--source", address, "--keys", str(tmp_path / "lab" / "client")]
         assert main(["train", *ours, *options, "--out", str(tmp_path / "run")]) == 0
         capsys.readouterr()
@@ -212,7 +197,7 @@ def test_a_server_is_trained_on_by_what_its_cameras_see(tmp_path: Path) -> None:
     config = dataclasses.replace(default_run("landing-model"), evaluation_balls=1)
     save_config(config, tmp_path / "few.toml")
     options = ["--config", str(tmp_path / "few.toml"), "--outcomes", "events", "--speeds", "6", "--episodes", "1"]
-    with serving(cameras=stereo_preset()) as address:
+    with serving_training(cameras=stereo_preset()) as address:
         assert main(["train", "--source", address, *options, "--out", str(tmp_path / "run")]) == 0
     assert read_run(tmp_path / "run").environment.outcomes == "events"
     lines = read_lines(seed_files(tmp_path / "run", 0).metrics)[0]

@@ -14,6 +14,7 @@ from core.live.link.server import ServerConfig, SimulationServer
 from core.live.replay_source import ReplaySource
 from core.recordings import open_recording
 from core.robot import RobotClient
+from tests.simulation_servers import serving
 from tests.waiting import PATIENCE_S, eventually
 
 
@@ -71,23 +72,20 @@ def test_once_stopped_nothing_more_is_said(tmp_path, monkeypatch) -> None:
 @pytest.mark.parametrize("before", [True, False])
 def test_the_rally_of_a_server_is_handed_over_once(tmp_path, before) -> None:
     server = SimulationServer(ServerConfig(), stereo_preset("side", SensorSize(64, 48)), "tcp://127.0.0.1:0")
-    ended, taken = threading.Event(), []
-    running = threading.Thread(target=server.run, args=(ended.is_set,))
+    taken = []
     startup = Startup(Workspace(tmp_path), address=server.address)
     startup.wait_for_change()  # it is being prepared
     if before:
         startup.hand_over(taken.append)
-    running.start()
-    eventually(lambda: states(startup)[-1] == "done", "the start to end", lambda: states(startup))
-    if not before:
-        startup.hand_over(taken.append)
-    eventually(lambda: taken, "the rally to be handed over")
-    (live,) = taken
-    assert live.source.status == "connected" or live.source.welcome.session
-    startup.stop()
-    live.close()
-    ended.set()
-    running.join()
+    with serving(server):
+        eventually(lambda: states(startup)[-1] == "done", "the start to end", lambda: states(startup))
+        if not before:
+            startup.hand_over(taken.append)
+        eventually(lambda: taken, "the rally to be handed over")
+        (live,) = taken
+        assert live.source.status == "connected" or live.source.welcome.session
+        startup.stop()
+        live.close()
 
 
 def test_a_source_that_is_there_is_handed_over_without_a_simulation_and_closed_with_the_rally(

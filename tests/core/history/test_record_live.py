@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import threading
 
 import h5py
 import numpy as np
@@ -21,21 +20,17 @@ from core.live.live_player import LivePlayer, LivePlayerConfig
 from core.live.ring_recording import RingRecording
 from core.recordings import open_recording
 from tests.core.live.stepped import play_block
+from tests.simulation_servers import serving
 from tests.waiting import PATIENCE_S, eventually
 
 
 @pytest.fixture(params=[SensorSize(320, 240)])
 def client(request):
-    server = SimulationServer(ServerConfig(), stereo_preset("side", request.param), "tcp://127.0.0.1:0")
-    ended = threading.Event()
-    thread = threading.Thread(target=server.run, args=(ended.is_set,))
-    thread.start()
-    client = SimulationClient(server.address, timeout_s=PATIENCE_S)
-    client.wait_for_messages()  # else the first blocks may be published before the subscription arrives
-    yield client
-    client.close()
-    ended.set()
-    thread.join(PATIENCE_S)
+    with serving(SimulationServer(ServerConfig(), stereo_preset("side", request.param), "tcp://127.0.0.1:0")) as server:
+        client = SimulationClient(server.address, timeout_s=PATIENCE_S)
+        client.wait_for_messages()  # else the first blocks may be published before the subscription arrives
+        yield client
+        client.close()
 
 
 def test_a_recorded_rally_plays_back_as_it_was_seen(client, tmp_path):

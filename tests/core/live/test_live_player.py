@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import SimpleNamespace
@@ -28,6 +27,7 @@ from core.physics.task import task_profile
 from core.simulation.event_cameras.event_camera import BLOCK_US
 from tests.core.live.stepped import play_block
 from tests.ports import lasting_address
+from tests.simulation_servers import serving
 from tests.waiting import PATIENCE_S, eventually
 
 SLOW = 0.4
@@ -35,26 +35,20 @@ SLOW = 0.4
 
 
 @contextmanager
-def serving(
+def serving_balls(
     address: str = "tcp://127.0.0.1:0", seed: int = 5, physics: Profile = "paper", **size: int
 ) -> Iterator[str]:
     sensor = SensorSize(size.get("width", 1280), size.get("height", 720))
     world = WorldConfig(task=task_profile(physics))
     server = SimulationServer(ServerConfig(world=world), stereo_preset("side", sensor), address, seed=seed)
-    ended = threading.Event()
-    thread = threading.Thread(target=server.run, args=(ended.is_set,))
-    thread.start()
-    try:
+    with serving(server):
         yield server.address
-    finally:
-        ended.set()
-        thread.join(PATIENCE_S)
 
 
 @pytest.fixture(scope="module")
 def rally() -> Iterator[tuple[SimulationClient, LivePlayer, list[RallySnapshot]]]:
     """A client and a player that has played balls, the last one at 5 m/s and in steps; what was seen of that one."""
-    with serving() as address:
+    with serving_balls() as address:
         client = SimulationClient(address, timeout_s=PATIENCE_S)
         player = LivePlayer(client)
         eventually(lambda: player.snapshot.t_us > 0, "the first block to be played")
@@ -210,13 +204,13 @@ def test_nobody_says_how_balls_fly_unless_asked(rally) -> None:
 
 
 def test_a_server_that_is_killed_and_started_again_is_played_on() -> None:
-    with serving(lasting_address(), seed=1, width=320, height=240) as address:
+    with serving_balls(lasting_address(), seed=1, width=320, height=240) as address:
         client = SimulationClient(address, timeout_s=PATIENCE_S)
         player = LivePlayer(client, config=LivePlayerConfig(knows_physics=True))
         eventually(lambda: player.snapshot.t_us > 100_000, "0.1 s to be played")
         first = player.snapshot.session
         assert client.physics == told_physics(player) == physics_profile("paper")
-    with serving(address, seed=2, physics="real", width=320, height=240):
+    with serving_balls(address, seed=2, physics="real", width=320, height=240):
         eventually(
             lambda: player.snapshot.session not in ("", first) and player.snapshot.t_us > 100_000,
             "the successor's session to be played",

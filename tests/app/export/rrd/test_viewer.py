@@ -1,5 +1,6 @@
 """Streaming to a Rerun viewer: here one that saves what it is sent."""
 
+import contextlib
 import socket
 import threading
 from collections.abc import Callable
@@ -20,6 +21,7 @@ from core.live.ring_recording import RingRecording
 from core.recordings import open_recording
 from tests.app.export.rrd.rerun_viewer import end, entities, viewer
 from tests.app.export.tasks import task_of
+from tests.simulation_servers import serving
 from tests.waiting import eventually
 
 SPAN = Span(200_000, 300_000)
@@ -54,12 +56,8 @@ def test_where_no_viewer_is_one_line_says_so(serve_recording: Path) -> None:
 def test_a_live_rally_is_sent_until_somebody_stops_it_or_the_viewer_is_lost(tmp_path: Path) -> None:
     small = stereo_preset("side", SensorSize(640, 360))
     server = SimulationServer(ServerConfig(), small, "tcp://127.0.0.1:0", seed=5)
-    ended, enough = threading.Event(), threading.Event()
-    thread = threading.Thread(target=server.run, args=(ended.is_set,))
-    thread.start()
-    ring, client = RingRecording(), None
-    try:
-        client = SimulationClient(server.address)
+    enough, ring = threading.Event(), RingRecording()
+    with serving(server), contextlib.closing(SimulationClient(server.address)) as client:
         client.add_listener(ring)
         client.set_speed(0.3)
         client.auto_serve(5.0)
@@ -87,11 +85,6 @@ def test_a_live_rally_is_sent_until_somebody_stops_it_or_the_viewer_is_lost(tmp_
         assert {"world/ball/triangulated", "world/cameras/left/picture", "plots/event_rate/left"} <= entities(
             tmp_path / "live.rrd"
         )
-    finally:
-        if client is not None:
-            client.close()
-        ended.set()
-        thread.join()
 
 
 def set_when(event: threading.Event, condition: Callable[[], object], what: str) -> None:

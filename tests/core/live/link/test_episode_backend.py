@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-
 import pytest
 
 from core.cameras import stereo_preset
@@ -12,18 +10,12 @@ from core.events import SensorSize
 from core.learning.config import environment_profile
 from core.live.link.server import ServerConfig, SimulationServer
 from core.live.link.server_backends import ServerEpisodes
-from tests.waiting import PATIENCE_S
+from tests.simulation_servers import serving
 
 
 def test_a_training_for_another_physics_than_the_server_s_is_refused() -> None:
     server = SimulationServer(ServerConfig(), stereo_preset("side", SensorSize(64, 48)), "tcp://127.0.0.1:0")
-    ended = threading.Event()
-    thread = threading.Thread(target=server.run, args=(ended.is_set,))
-    thread.start()
-    try:
+    with serving(server):
         with pytest.raises(LinkError, match="--physics"):
             ServerEpisodes(environment_profile("real", state_source="truth"), server.address)
         ServerEpisodes(environment_profile("paper", state_source="truth"), server.address).close()
-    finally:
-        ended.set()
-        thread.join(PATIENCE_S)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -18,6 +17,7 @@ from core.live.link import messages as m
 from core.live.link.client import SimulationClient
 from core.live.link.guard import ClientKeys, LinkGateway, make_keys, read_client_keys, read_server_keys, secure
 from core.live.link.server import ServerConfig, SimulationServer
+from tests.simulation_servers import serving
 from tests.waiting import PATIENCE_S, eventually
 
 
@@ -31,23 +31,11 @@ class Guarded(NamedTuple):
 def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Guarded]:
     folder = tmp_path_factory.mktemp("keys")
     server_folder, client_folder = make_keys(folder)
-    addresses: list[str] = []
-    there, ended = threading.Event(), threading.Event()
-
-    def serve() -> None:
-        cameras = stereo_preset("side", SensorSize(64, 48))
-        server = SimulationServer(ServerConfig(), cameras, "tcp://127.0.0.1:0", keys=read_server_keys(server_folder))
-        addresses.append(server.address)
-        server.prepare()
-        there.set()
-        server.run(ended.is_set)
-
-    thread = threading.Thread(target=serve)
-    thread.start()
-    assert there.wait(PATIENCE_S)
-    yield Guarded(addresses[0], read_client_keys(client_folder), folder)
-    ended.set()
-    thread.join(PATIENCE_S)
+    cameras = stereo_preset("side", SensorSize(64, 48))
+    server = SimulationServer(ServerConfig(), cameras, "tcp://127.0.0.1:0", keys=read_server_keys(server_folder))
+    server.prepare()
+    with serving(server):
+        yield Guarded(server.address, read_client_keys(client_folder), folder)
 
 
 def _send_at_once(socket: zmq.Socket, message: bytes) -> None:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 
 import numpy as np
 import pytest
@@ -19,6 +17,7 @@ from core.live.link.client import SimulationClient
 from core.live.link.server import ServerConfig, SimulationServer
 from core.live.ring_recording import RingRecording
 from core.live.worlds.world import Block
+from tests.simulation_servers import serving
 from tests.waiting import PATIENCE_S, eventually
 
 SIZE = SensorSize(320, 240)
@@ -45,17 +44,8 @@ class ServerWithPictures(SimulationServer):
         super()._publish(block)
 
 
-@contextmanager
-def serving() -> Iterator[SimulationServer]:
-    server = ServerWithPictures(ServerConfig(), stereo_preset("side", SIZE), "tcp://127.0.0.1:0")
-    ended = threading.Event()
-    thread = threading.Thread(target=server.run, args=(ended.is_set,))
-    thread.start()
-    try:
-        yield server
-    finally:
-        ended.set()
-        thread.join(PATIENCE_S)
+def serving_pictures() -> AbstractContextManager[SimulationServer]:
+    return serving(ServerWithPictures(ServerConfig(), stereo_preset("side", SIZE), "tcp://127.0.0.1:0"))
 
 
 class EventsOnly:
@@ -73,7 +63,7 @@ class EventsOnly:
 
 
 def test_every_picture_arrives_as_it_was_before_the_state_of_its_block_and_no_message_counts_as_lost() -> None:
-    with serving() as server:
+    with serving_pictures() as server:
         client, ring, states = SimulationClient(server.address, timeout_s=PATIENCE_S), RingRecording(), EventsOnly()
         newest_us: list[tuple[int, int]] = []
 
@@ -106,7 +96,7 @@ def test_every_picture_arrives_as_it_was_before_the_state_of_its_block_and_no_me
 
 
 def test_who_asks_for_everything_as_older_clients_do_gets_all_but_pictures() -> None:
-    with serving() as server:
+    with serving_pictures() as server:
         context = zmq.Context()
         older = context.socket(zmq.SUB)
         older.setsockopt(zmq.SUBSCRIBE, b"")
@@ -127,7 +117,7 @@ def test_who_asks_for_everything_as_older_clients_do_gets_all_but_pictures() -> 
 
 
 def test_a_client_without_a_listener_for_pictures_does_not_ask_for_them() -> None:
-    with serving() as server:
+    with serving_pictures() as server:
         client, states = SimulationClient(server.address, timeout_s=PATIENCE_S), EventsOnly()
         client.add_listener(states)
         eventually(lambda: len(states.states) > 5, "blocks")

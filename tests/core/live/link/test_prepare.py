@@ -18,6 +18,7 @@ from core.live.worlds.world import SimulatedWorld, WorldConfig
 from core.physics.task import task_profile
 from core.simulation.episodes.mujoco_rally import MujocoRally
 from core.simulation.episodes.racket import RacketTarget
+from tests.simulation_servers import serving
 from tests.waiting import PATIENCE_S, eventually
 
 
@@ -140,14 +141,10 @@ def test_commands_to_a_server_that_is_being_prepared_are_refused_in_words() -> N
     server.prepare()
     eventually(lambda: told, "word of the kernels")  # the thread that answers looks ten times a second
     assert all(0 < ready <= known for ready, known in told)
-    ended = threading.Event()
-    running = threading.Thread(target=server.run, args=(ended.is_set,))
-    running.start()
-    client = SimulationClient(server.address, timeout_s=PATIENCE_S)
-    with pytest.raises(LinkError, match="out of bounds"):
-        client.ask(lambda number: m.SetSpeed(id=number, factor=-1.0))
-    assert client.serve().ok
-    client.close()
-    ended.set()
-    running.join(PATIENCE_S)
+    with serving(server):
+        client = SimulationClient(server.address, timeout_s=PATIENCE_S)
+        with pytest.raises(LinkError, match="out of bounds"):
+            client.ask(lambda number: m.SetSpeed(id=number, factor=-1.0))
+        assert client.serve().ok
+        client.close()
     context.destroy(linger=0)

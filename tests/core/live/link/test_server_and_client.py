@@ -26,6 +26,7 @@ from core.live.worlds.world import Block
 from core.physics.config import physics_profile
 from core.physics.episode import Case
 from tests.ports import lasting_address
+from tests.simulation_servers import serving
 from tests.waiting import PATIENCE_S, eventually
 
 
@@ -141,21 +142,16 @@ class WatchedServer(SimulationServer):
 
 
 @contextmanager
-def serving(clock: HandClock | None = None) -> Iterator[WatchedServer]:
-    """A server on a thread, which serves a ball as soon as none flies."""
+def serving_balls(clock: HandClock | None = None) -> Iterator[WatchedServer]:
+    """A server which serves a ball as soon as none flies."""
     config, cameras = ServerConfig(auto_serve_mps=5.0), stereo_preset("side", SensorSize(320, 240))
     settings = {} if clock is None else {"clock": clock}
-    server, ended = WatchedServer(config, cameras, "tcp://127.0.0.1:0", **settings), threading.Event()
-    thread = threading.Thread(target=server.run, args=(ended.is_set,))
-    thread.start()
-    try:
-        yield server
-    finally:
-        ended.set()
-        if clock is not None:
-            clock.now_s += 3600.0  # no block waits for its time any more
-        thread.join(PATIENCE_S)
-        assert not thread.is_alive()
+    with serving(WatchedServer(config, cameras, "tcp://127.0.0.1:0", **settings)) as server:
+        try:
+            yield server
+        finally:
+            if clock is not None:
+                clock.now_s += 3600.0  # no block waits for its time any more
 
 
 def test_a_served_ball_is_seen_by_both_cameras_and_judged(client):
@@ -242,7 +238,7 @@ def test_no_block_is_begun_after_this_is_answered(commands, blocks):
 @pytest.mark.parametrize("speed", [1.0, 0.1])
 def test_a_block_is_published_at_its_time_and_never_before_it(speed):
     clock = HandClock()
-    with serving(clock=clock) as server:
+    with serving_balls(clock) as server:
         client = SimulationClient(server.address, timeout_s=PATIENCE_S)
         eventually(lambda: server.attended, "the subscription")
         client.set_speed(speed)
@@ -363,7 +359,7 @@ def test_a_subscriber_that_never_reads_is_not_waited_for_and_loses_messages(addr
 
 def test_time_begins_with_the_first_client():
     clock = HandClock()
-    with serving(clock=clock) as server:
+    with serving_balls(clock) as server:
         clock.move(60.0)
         client = SimulationClient(server.address, timeout_s=PATIENCE_S)
         assert client.welcome.t_us <= 10_000  # a block may be under way already
@@ -371,7 +367,7 @@ def test_time_begins_with_the_first_client():
 
 
 def test_time_begins_for_one_who_only_listens():
-    with serving() as server, zmq.Context() as context, context.socket(zmq.SUB) as listener:
+    with serving_balls() as server, zmq.Context() as context, context.socket(zmq.SUB) as listener:
         listener.setsockopt(zmq.RCVTIMEO, round(1e3 * PATIENCE_S))
         listener.connect(server.address)
         listener.subscribe(b"state")
@@ -381,7 +377,7 @@ def test_time_begins_for_one_who_only_listens():
 @pytest.fixture
 def watched() -> Iterator[tuple[WatchedServer, SimulationClient, Ear]]:
     """A server, the only client of it, and what that one has heard. A command counts for some seconds of its clock."""
-    with serving(SteadyClock()) as server:
+    with serving_balls(SteadyClock()) as server:
         client, ear = SimulationClient(server.address, timeout_s=PATIENCE_S), Ear()
         client.add_listener(ear)
         eventually(lambda: len(ear.states) > 10, "more than ten blocks")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator
 
 import numpy as np
@@ -16,6 +15,7 @@ from core.live.link.client import SimulationClient
 from core.live.link.server import ServerConfig, SimulationServer
 from core.live.link.server_backends import ServerWorld
 from core.outcomes.perceived_backend import PerceivedBackend
+from tests.simulation_servers import serving
 from tests.waiting import PATIENCE_S, eventually
 
 EVENTS = EnvironmentConfig(state_source="events", outcomes="events")
@@ -23,13 +23,8 @@ EVENTS = EnvironmentConfig(state_source="events", outcomes="events")
 
 @pytest.fixture
 def server() -> Iterator[SimulationServer]:
-    server = SimulationServer(ServerConfig(), stereo_preset(), "tcp://127.0.0.1:0")
-    ended = threading.Event()
-    thread = threading.Thread(target=server.run, args=(ended.is_set,))
-    thread.start()
-    yield server
-    ended.set()
-    thread.join(PATIENCE_S)
+    with serving(SimulationServer(ServerConfig(), stereo_preset(), "tcp://127.0.0.1:0")) as server:
+        yield server
 
 
 @pytest.mark.gate
