@@ -13,6 +13,7 @@ from app.formatting import html_text, percent, table_row
 from app.shared.library import Library
 from core.events import Health, RateCurve, rate_curve
 from core.recordings import Recording
+from core.text import counted
 
 Room = Literal["folded", "narrow", "wide"]
 WIDTHS_PX: Final[dict[Room, int]] = {"folded": 280, "narrow": 280, "wide": 350}
@@ -118,6 +119,8 @@ def health_html(info: RecordingInfo) -> str:
     remarks: list[str] = []
     harmless: list[str] = []
     for name, health in info.health.items():
+        if not health.event_count:
+            remarks.append(f"{html_text(name)}: no events in the whole recording")
         remarks += [
             f"{html_text(name)}: no events from {gap.start_us / 1e6:.3f} to {gap.end_us / 1e6:.3f} s"
             for gap in health.gaps[:LISTED]
@@ -125,7 +128,7 @@ def health_html(info: RecordingInfo) -> str:
         pixels = ", ".join(f"({x}, {y})" for x, y in health.hot_pixels_xy[:LISTED])
         count, most = len(health.hot_pixels_xy), harmless_hot_pixels(info.pixels[name])
         if count:
-            verdict = f"{count} hot pixels, {'more than' if count > most else 'harmless up to'} {most}"
+            verdict = f"{counted(count, 'hot pixel')}, {'more than' if count > most else 'harmless up to'} {most}"
             lines = remarks if count > most else harmless
             lines.append(f"{html_text(name)}: {verdict}; busiest {pixels}")
     listed = "".join(f"<div style='color:{theme.BAD}'>{remark}</div>" for remark in remarks)
