@@ -15,7 +15,7 @@ from typing import Final
 from core.errors import RallyscopeError
 from core.recordings.import_facts import IMPORTED_FROM, ImportFacts, SourceFacts
 from core.recordings.sources.source import FactOrigin
-from core.text import LONGEST, plain
+from core.text import LONGEST, counted, plain
 
 UNITS = {"us": "µs", "ms": "ms", "px": "px", "hz": "Hz", "s": "s", "rad": "rad", "mps": "m/s", "m": "m", "deg": "°"}
 FIELD_OF_A_CLASS: Final = re.compile(r"^[A-Z]\w*Config\.(\w+)")
@@ -72,7 +72,7 @@ def size_text(size_bytes: int) -> str:
     for unit, bytes_ in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
         if size_bytes >= bytes_:
             return f"{size_bytes / bytes_:.{0 if size_bytes >= 10 * bytes_ else 1}f} {unit}"
-    return f"{size_bytes} bytes"
+    return counted(size_bytes, "byte")
 
 
 def html_text(text: str, most: int = LONGEST) -> str:
@@ -191,9 +191,9 @@ _WHENCE: Final[Mapping[str, str]] = {
 
 def fact_rows(camera: SourceFacts, *, complete: bool = True) -> list[Row]:
     """What each fact is called, and its value with where it is from."""
-    counted = f"{camera.events:,}" + ("" if complete else " in the part that was looked at")
+    event_count = f"{camera.events:,}" + ("" if complete else " in the part that was looked at")
     extras = [
-        f"{count:,} {what}" for count, what in ((camera.triggers, "trigger edges"), (camera.pictures, "pictures"))
+        counted(count, what) for count, what in ((camera.triggers, "trigger edge"), (camera.pictures, "picture"))
         if count
     ]  # fmt: skip
     lasted = "none"
@@ -205,7 +205,7 @@ def fact_rows(camera: SourceFacts, *, complete: bool = True) -> list[Row]:
         ("sensor", f"{camera.width_px}x{camera.height_px}, {_whence(camera.sensor_from)}"),
         ("time unit", f"{camera.time_unit}, {_whence(camera.time_unit_from)}"),
         ("polarity", f"{camera.polarity}, {_whence(camera.polarity_from)}"),
-        ("events", ", ".join([f"{counted}: {camera.on_events:,} ON, {camera.off_events:,} OFF", *extras])),
+        ("events", ", ".join([f"{event_count}: {camera.on_events:,} ON, {camera.off_events:,} OFF", *extras])),
         ("first, last", lasted),
         ("calibration", calibration),
         ("left out", _counted(camera.left_out) if complete else "known after the import"),

@@ -104,6 +104,12 @@ def markdown_table(titles: Sequence[str], rows: Iterable[Sequence[object]], form
     return "".join(f"| {' | '.join(line)} |\n" for line in (titles, marks, *cells))
 
 
+def counted(count: int, thing: str) -> str:
+    """A number of things, as "1 label" or "1,260 events"; `thing` is the singular of what takes s or es."""
+    plural = f"{thing}es" if thing.endswith(("s", "x", "ch")) else f"{thing}s"
+    return f"{count:,} {thing if count == 1 else plural}"
+
+
 LONGEST: Final = 300
 _UNFIT: Final = re.compile(
     "[\x00-\x1f\x7f-\x9f"  # controls: ESC moves a terminal's cursor, CR and backspace write over what was said

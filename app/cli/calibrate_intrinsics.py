@@ -29,6 +29,7 @@ from core.cameras.distortion import LensModel
 from core.errors import CalibrationError, CommandError, ConfigError
 from core.events import SensorSize
 from core.recordings.board_pictures import read_board_pictures
+from core.text import counted
 
 DEFAULT_COEFFICIENTS = 4
 POOR_SIGMA = 0.005
@@ -121,7 +122,7 @@ def _find_views(arguments: IntrinsicsArguments, board: Board) -> tuple[list[Boar
             progress(picture.share)
     if sensor is None or not views:
         raise CalibrationError(
-            f"no {board.kind} of {board.rows} x {board.columns} in any of {len(empty)} pictures",
+            f"no {board.kind} of {board.rows} x {board.columns} in any of {counted(len(empty), 'picture')}",
             where=arguments.source,
             remedy="--rows and --columns count the inner corners of a chessboard, the dots of a dot board",
         )
@@ -157,8 +158,8 @@ def _describe(lens: Lens, cover: BoardCover, empty: list[str], out: Path) -> str
     K, d, sigma = lens.camera.K, lens.camera.distortion, lens.sigmas
     rms = np.array([fit.rms_px for fit in lens.fits if fit.used])
     lines = [
-        f"{out}: {len(rms)} pictures, rms {lens.rms_px:.3f} px (of a picture: {rms.min():.3f} to {rms.max():.3f}), "
-        f"points in {100 * lens.coverage:.0f} % of the picture's cells",
+        f"{out}: {counted(len(rms), 'picture')}, rms {lens.rms_px:.3f} px (of a picture: "
+        f"{rms.min():.3f} to {rms.max():.3f}), points in {100 * lens.coverage:.0f} % of the picture's cells",
         f"fx {K[0, 0]:.2f} +- {sigma['fx']:.2f}, fy {K[1, 1]:.2f} +- {sigma['fy']:.2f}, "
         f"cx {K[0, 2]:.2f} +- {sigma['cx']:.2f}, cy {K[1, 2]:.2f} +- {sigma['cy']:.2f} px",
         ", ".join(
@@ -170,7 +171,7 @@ def _describe(lens: Lens, cover: BoardCover, empty: list[str], out: Path) -> str
     lines += [f"left out: {fit.view.name}, rms {fit.rms_px:.2f} px" for fit in lens.fits if not fit.used]
     if empty:
         more = "" if len(empty) <= 5 else f" and {len(empty) - 5} more"
-        lines.append(f"no whole board in {len(empty)} pictures: {', '.join(empty[:5])}{more}")
+        lines.append(f"no whole board in {counted(len(empty), 'picture')}: {', '.join(empty[:5])}{more}")
     if sigma["fx"] > POOR_SIGMA * K[0, 0]:
         lines.append("the focal length is poorly known: tilt the board more, by 20 to 40 degrees about both axes")
     lines += [odd_spacing(cover) or "", *_cover_lines(cover)]

@@ -14,6 +14,7 @@ from app.cli.files import check_folder, write_text
 from app.cli.progress import progress_bar
 from app.cli.terminal import format_table, print_lines, say
 from core.errors import CommandError
+from core.text import counted
 
 if TYPE_CHECKING:
     from core.metrics.flight_predictions import FlightErrors
@@ -86,7 +87,8 @@ def run(arguments: FitPhysicsArguments) -> None:
         say(json.dumps(report))
         return
     print_lines(f"{flight.name}: {'; '.join([points.taken_for, *points.notes])}" for flight, points in read)
-    say(f"{len(fit)} flights fitted, {len(test)} kept for the test; median distance {1e3 * fitted.median_m:.1f} mm")
+    flights = f"{counted(len(fit), 'flight')} fitted, {len(test)} kept for the test"
+    say(f"{flights}; median distance {1e3 * fitted.median_m:.1f} mm")
     say(format_table([{"constant": name, **values} for name, values in constants.items()]))
     say()
     say("Test flights, errors after 150 ms of observation, mm (median, 95 %):")

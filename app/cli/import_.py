@@ -27,6 +27,7 @@ from core.recordings.importing import ImportSummary, check_import, import_record
 from core.recordings.opening import is_recording
 from core.recordings.sources.readers import event_files
 from core.recordings.sources.source import ImportOptions, parse_polarity
+from core.text import counted
 
 
 def _polarities(text: str) -> dict[str, bool]:
@@ -190,5 +191,7 @@ def _describe(summary: ImportSummary) -> str:
     lines = [f"{summary.path}: {summary.duration_us / 1e6:.3f} s"]
     for name, events in summary.events.items():
         triggers = summary.triggers[name]
-        lines.append(f"  {name}: {events:,} events" + (f", {triggers:,} trigger edges" if triggers else ""))
+        lines.append(
+            f"  {name}: {counted(events, 'event')}" + (f", {counted(triggers, 'trigger edge')}" if triggers else "")
+        )
     return "\n".join([*lines, *(f"  {note}" for note in summary.notes)])

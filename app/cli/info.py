@@ -18,6 +18,7 @@ from core.errors import CommandError
 from core.extras import require_package
 from core.recordings import CameraStream, open_recording
 from core.recordings.reader import FileRecording
+from core.text import counted
 
 Facts = dict[str, object]
 SHOWN: Final = 20
@@ -115,7 +116,8 @@ def _list_balls(arguments: InfoArguments) -> None:
         [f"{len(rows):,} of {len(found.table):,} balls", *(f"not read: {text}" for text in found.failed.values())]
     )
     if written is not None:
-        say(f"{written.written:,} launches in {arguments.to}, {written.unknown:,} left out: their state is not known")
+        launches = counted(written.written, "launch")
+        say(f"{launches} in {arguments.to}, {written.unknown:,} left out: their state is not known")
     if made is not None:
         say(str(made))
     print_lines(f"nothing is known of the balls of {path}: --track finds them" for path in unknown)

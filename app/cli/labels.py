@@ -23,6 +23,7 @@ from app.cli.progress import progress_bar
 from app.modes.label.label_files import LabelFilesRequest, write_label_files
 from app.modes.label.sources import LabelSource
 from core.errors import CommandError, LabelError
+from core.text import counted
 from labels.agreement import Agreement, PositionAgreement, measure_agreement
 from labels.contacts import (
     ContactAgreement,
@@ -134,7 +135,7 @@ def run_import(arguments: LabelImportArguments) -> None:
     taken = len(found.labels) + len(found.contacts)
     if not taken and not found.rejections:
         expected = f"labels of {FORMATS[arguments.format].summary}"
-        got = f"none in {found.files} files"
+        got = f"none in {counted(found.files, 'file')}"
         raise LabelError("nothing to import", expected=expected, got=got, where=arguments.source)
     there, rejections = len(found.labels) - len(new), [str(rejection) for rejection in found.rejections]
     report = report_of(found)
@@ -143,9 +144,11 @@ def run_import(arguments: LabelImportArguments) -> None:
         which = f" ({others})" if len(report.rejected) > 1 else ""
         raise LabelError(f"nothing could be imported, {len(rejections)} rejected{which}", got=rejections[0])
     done = "would be imported" if arguments.check else "imported"
-    lines = [f"{len(new)} labels {done} for {annotator!r}, {there} were there already, {len(rejections)} rejected"]
+    labels = counted(len(new), "label")
+    lines = [f"{labels} {done} for {annotator!r}, {there} were there already, {len(rejections)} rejected"]
     if found.contacts:
-        lines.append(f"{len(contacts)} of {len(found.contacts)} contacts {done}; the others were there already")
+        all_contacts = counted(len(found.contacts), "contact")
+        lines.append(f"{len(contacts)} of {all_contacts} {done}; the others were there already")
     layer.tell(
         {
             "annotator": annotator,
@@ -232,8 +235,8 @@ def run_export(arguments: LabelExportArguments) -> None:
         "files": len(made.files),
         "pictures": len(made.pictures),
     }
-    what = f"{made.labels} labels" + (f" and {made.contacts} contacts" if made.contacts else "")
-    lines = [f"{what} in {counts['files']} files, {counts['pictures']} pictures: {out}"]
+    what = counted(made.labels, "label") + (f" and {counted(made.contacts, 'contact')}" if made.contacts else "")
+    lines = [f"{what} in {counted(counts['files'], 'file')}, {counted(counts['pictures'], 'picture')}: {out}"]
     lines += [f"not in this format: {loss}" for loss in made.losses]
     layer.tell({**counts, "out": str(out), "losses": list(made.losses)}, lines)
 
@@ -261,9 +264,10 @@ def run_agree(arguments: LabelAgreeArguments) -> None:
     if len(settled_us):
         times = ", ".join(f"{t_us:,}" for t_us in settled_us[:MAX_TIMES].tolist())
         more = ", ..." if len(settled_us) > MAX_TIMES else ""
-        notes.append(f"conflicts were settled at {len(settled_us)} times: compared as before that ({times}{more} us)")
+        where = counted(len(settled_us), "time")
+        notes.append(f"conflicts were settled at {where}: compared as before that ({times}{more} us)")
     if lost:
-        notes.append(f"{lost} labels left out: they settle conflicts, and the labels before that are not stored")
+        notes.append(f"{counted(lost, 'label')} left out: what stood there before conflicts were settled is not stored")
     if copied:
         notes.append(f"{copied} labels were taken over from another annotator: their agreement says nothing")
     as_json = {"first": mine, "second": name, "blind": blind, "left_out": lost, "copied": copied}
@@ -298,15 +302,15 @@ def _agreement_lines(found: Agreement, lost: int) -> list[str]:
     states = f"states: {found.same_state} of {found.common} the same, {kappa}"
     if lost:
         states = (
-            f"states: agreement cannot be told without the {lost} conflicts left out; of the other {found.common} "
-            f"times {found.same_state} the same"
+            f"states: agreement cannot be told without the {counted(lost, 'conflict')} left out; of the other "
+            f"{counted(found.common, 'time')} {found.same_state} the same"
         )
     if not found.both_seen:
         return [states, "positions: no common label in which both saw the ball"]
     return [
         states,
         f"positions ({found.both_seen}), by how they were made; bias {found.bias_x_px:+.2f} {found.bias_y_px:+.2f} px"
-        + (f"; the {lost} conflicts left out are missing" if lost else ""),
+        + (f"; {counted(lost, 'conflict')} left out and missing here" if lost else ""),
         *(_source_line(name, group) for name, group in found.by_source.items() if group.pairs or name == "by_hand"),
     ]
 

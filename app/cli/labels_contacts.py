@@ -16,6 +16,7 @@ from app.cli.progress import progress_bar
 from app.formatting import share_text
 from core.errors import CommandError
 from core.recordings import CameraStream, Recording, open_recording
+from core.text import counted
 from labels.assist.contact_proposals import propose_contacts
 from labels.assist.propose import propose
 from labels.contacts import (
@@ -69,7 +70,7 @@ def run_contacts(arguments: LabelContactsArguments) -> None:
         "against": arguments.against,
         "scores": [asdict(score) for score in scores],
     }
-    lines = [f"{len(found)} contacts of {arguments.annotator or 'the detector'}"]
+    lines = [f"{counted(len(found), 'contact')} of {arguments.annotator or 'the detector'}"]
     lines += [_line(contact) for contact in found[:MAX_SHOWN]]
     lines += [f"... and {len(found) - MAX_SHOWN} more, see --json"] if len(found) > MAX_SHOWN else []
     if arguments.save_as is not None:

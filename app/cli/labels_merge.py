@@ -9,6 +9,7 @@ from typing import Annotated, Final
 
 from app.cli.arguments import flag, positional
 from app.cli.terminal import json_ready, print_lines, say
+from core.text import counted
 from labels.conflicts import WITHIN_PX, LabelConflict
 from labels.contacts import ContactConflict
 from labels.merging import MergedStores, merge_stores
@@ -46,22 +47,18 @@ def run_merge(arguments: LabelMergeArguments) -> None:
 
 def _lines(merged: MergedStores, arguments: LabelMergeArguments) -> list[str]:
     lines = [
-        f"{merged.labels} labels merged into {arguments.out}; {_counted(len(merged.conflicts), 'conflict')}, "
-        f"{_counted(merged.left_out, 'label')} left out; {merged.superseded} replaced by later labels of the same "
+        f"{counted(merged.labels, 'label')} merged into {arguments.out}; {counted(len(merged.conflicts), 'conflict')}, "
+        f"{counted(merged.left_out, 'label')} left out; {merged.superseded} replaced by later labels of the same "
         "annotator"
     ]
     if merged.settled:
-        lines.append(f"{merged.settled} conflicts were settled in Label: the label that settles each was taken")
+        lines.append(f"{counted(merged.settled, 'conflict')} settled in Label: the label that settles each was taken")
     if merged.contacts or merged.contact_conflicts:
-        lines.append(f"{merged.contacts} contacts merged; {len(merged.contact_conflicts)} in conflict")
+        lines.append(f"{counted(merged.contacts, 'contact')} merged; {len(merged.contact_conflicts)} in conflict")
     lines += [_contact_conflict_line(conflict) for conflict in merged.contact_conflicts[:MAX_SHOWN]]
     lines += [_conflict_line(conflict) for conflict in merged.conflicts[:MAX_SHOWN]]
     more = len(merged.conflicts) - MAX_SHOWN
     return [*lines, *([f"... and {more} more, see --json"] if more > 0 else []), *merged.notes]
-
-
-def _counted(count: int, thing: str) -> str:
-    return f"{count} {thing}" + ("" if count == 1 else "s")
 
 
 def _contact_conflict_line(conflict: ContactConflict) -> str:

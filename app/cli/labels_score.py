@@ -24,6 +24,7 @@ from core.metrics import WindowAnswers
 from core.metrics.at_times import answers_at
 from core.metrics.run import TimedDetector, one_opencv_thread
 from core.recordings import open_recording
+from core.text import counted
 from labels.agreement import Agreement, measure_agreement
 from labels.arrays import STATES, LabelArrays
 from labels.formats.exchange import write_text
@@ -192,9 +193,9 @@ def _title(work: AnswerLabels, pieces: Sequence[LabelledRecording]) -> tuple[str
     """Words over the picture, and the annotator's own noise in pixels where it is that of all labels."""
     count, first = sum(piece.count for piece in pieces), pieces[0]
     if len(pieces) > 1:
-        return f"{work.method}, against {count} labels of {len(pieces)} recordings", None
+        return f"{work.method}, against {counted(count, 'label')} of {counted(len(pieces), 'recording')}", None
     noise_px = None if first.noise is None or not first.noise.by_hand.pairs else first.noise.by_hand.sigma_px
-    return f"{work.method}, {first.camera}, against {count} labels by {first.annotator}", noise_px
+    return f"{work.method}, {first.camera}, against {counted(count, 'label')} by {first.annotator}", noise_px
 
 
 def _line(path: Path, piece: LabelledRecording, scores: tuple[GroupScore, ...]) -> str:

@@ -16,6 +16,7 @@ from app.modes.label.sources import LabelSource
 from core.detection import make_detector
 from core.errors import CommandError
 from core.metrics import run_detector
+from core.text import counted
 from labels.assist.label_shift import LabelShift, find_label_shift
 from labels.model import Label
 from labels.store import LabelStore
@@ -60,7 +61,7 @@ def run_shift(arguments: LabelShiftArguments) -> None:
                     raise CommandError("there are moved labels already", got=name, where="--apply")
                 target.edit(put=moved)
             report["applied_as"] = name
-            lines.append(f"{len(moved)} labels moved, as those of {name!r}")
+            lines.append(f"{counted(len(moved), 'label')} moved, stored as {name!r}")
     layer.tell(report, lines)
 
 
@@ -80,7 +81,7 @@ def _shift_lines(shift: LabelShift) -> list[str]:
     measured = (
         f"{shift.dt_us / 1000:+.2f} ms (+-{shift.sigma_us / 1000:.2f}), "
         f"{shift.du_px:+.2f} {shift.dv_px:+.2f} px (+-{shift.sigma_px:.2f}), "
-        f"confidence {shift.confidence:.2f}, {shift.answers} detections"
+        f"confidence {shift.confidence:.2f}, {counted(shift.answers, 'detection')}"
     )
     if shift.is_zero:
         return [f"the labels fit the events: {measured}"]

@@ -24,6 +24,7 @@ from core.errors import CommandError
 from core.physics.config import PhysicsConfig, Profile, physics_profile
 from core.physics.constants_file import FittedConstants
 from core.physics.points_file import PointsFile, read_points_file
+from core.text import counted
 from core.trajectory import (
     FilterPredictor,
     HitPlane,
@@ -91,7 +92,7 @@ def run(arguments: PredictArguments) -> None:
         raise CommandError(
             f"too little to predict from in the first {arguments.observe_ms:g} ms",
             expected=needed,
-            got=f"{int(seen.sum())} points over {1e3 * (t_s[seen][-1] - t_s[0]):.0f} ms",
+            got=f"{counted(int(seen.sum()), 'point')} over {1e3 * (t_s[seen][-1] - t_s[0]):.0f} ms",
             where=arguments.points,
             remedy="give a larger --observe-ms",
         )
@@ -187,13 +188,13 @@ def _say(
         say(json.dumps(summary))
         return
     if plane is None:
-        say(f"from {seen} points: the ball does not come to x = {arguments.hit_x:g} m: {arguments.out}")
+        say(f"from {counted(seen, 'point')}: the ball does not come to x = {arguments.hit_x:g} m: {arguments.out}")
     else:
         y, z = plane.p_world_m[1:]
         after_ms = 1e3 * plane.t_s - 1e-3 * prediction.t_us
         say(
-            f"from {seen} points, {prediction.stage}-bounce: at x = {arguments.hit_x:g} m in {after_ms:.0f} ms, "
-            f"y {y:.3f} m, z {z:.3f} m: {arguments.out}"
+            f"from {counted(seen, 'point')}, {prediction.stage}-bounce: at x = {arguments.hit_x:g} m "
+            f"in {after_ms:.0f} ms, y {y:.3f} m, z {z:.3f} m: {arguments.out}"
         )
     if choice is not None and choice.chosen is not None:
         x, y, z = choice.chosen.hit.p_world_m

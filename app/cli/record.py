@@ -23,6 +23,7 @@ from app.cli.progress import progress_bar
 from app.cli.replay import REPLAY, open_replay, read_replay
 from app.cli.terminal import format_table, say
 from core.errors import CommandError, RallyscopeError
+from core.text import counted
 
 if TYPE_CHECKING:
     from core.devices.raw_recorder import RawRecorder, RawTake
@@ -212,8 +213,8 @@ def _describe(report: dict[str, object]) -> str:
     events, notes, duration_us = report["events"], report["notes"], report["duration_us"]
     assert isinstance(events, dict) and isinstance(notes, list) and isinstance(duration_us, int)
     lines = [f"{report['path']}: {duration_us / 1e6:.3f} s"]
-    lines += [f"  {name}: {count:,} events" for name, count in events.items()]
+    lines += [f"  {name}: {counted(count, 'event')}" for name, count in events.items()]
     frames = report.get("frames")
     if isinstance(frames, dict):
-        lines += [f"  {name}: {count:,} pictures" for name, count in frames.items()]
+        lines += [f"  {name}: {counted(count, 'picture')}" for name, count in frames.items()]
     return "\n".join([*lines, *map("  {}".format, notes)])

@@ -28,6 +28,7 @@ from core.simulation import LaunchConfig, SensorConfig, StereoConfig, simulate_r
 from core.simulation.frames import FrameConfig
 from core.simulation.recording import SimulatedRecording
 from core.simulation.scenes.scene import SCENES, SceneConfig, scene_named
+from core.text import counted
 
 DEFAULT = "ball"
 
@@ -179,9 +180,11 @@ def _simulate(arguments: SimulateArguments, progress: Progress) -> SimulatedReco
 def _describe(made: SimulatedRecording) -> str:
     noun = "serve" if made.serves == 1 else "serves"
     events = ", ".join(f"{name} {count:,}" for name, count in made.events.items())
-    frames = f", {made.frames:,} frames" if made.frames else ""
+    frames = f", {counted(made.frames, 'frame')}" if made.frames else ""
     line = f"{made.path}: {made.serves} {noun}, {made.duration_us / 1e6:.3f} s, events: {events}{frames}"
-    dropped = (f"the readout of {name} dropped {count:,} events" for name, count in made.dropped.items() if count)
+    dropped = (
+        f"the readout of {name} dropped {counted(count, 'event')}" for name, count in made.dropped.items() if count
+    )
     return "\n".join([line, *dropped])
 
 
@@ -203,7 +206,7 @@ def run_data_sets(arguments: SimulateArguments) -> None:
     if arguments.out.exists() and not arguments.out.is_dir():
         raise CommandError("a data set is a folder", got="a file", where=arguments.out)
     plan, engine = _plan(arguments), arguments.engine.engine()
-    with progress_bar(f"Simulating {len(plan.recordings)} recordings") as progress:
+    with progress_bar(f"Simulating {counted(len(plan.recordings), 'recording')}") as progress:
         done = run_data_set(plan, arguments.out, engine=engine, overwrite=arguments.force, progress=progress)
     report = {"folder": str(done.folder), "made": done.made, "kept": done.kept, "total": done.manifest["total"]}
     say(json.dumps(report) if arguments.json else _describe_data_set(done))
@@ -247,7 +250,8 @@ def _describe_data_set(done: DataSetRun) -> str:
     assert isinstance(total, dict)
     kept = f", {len(done.kept)} were there" if done.kept else ""
     return (
-        f"{done.folder}: {len(done.made)} recordings made{kept}; {total['seconds']:.1f} s, {total['events']:,} events\n"
+        f"{done.folder}: {counted(len(done.made), 'recording')} made{kept}; {total['seconds']:.1f} s, "
+        f"{counted(total['events'], 'event')}\n"
         f"truths: {total['centres_2d']:,} ball centres in the pictures, {total['points_3d']:,} in the world, "
         f"{total['frames_with_ball']:,} of {total['frames']:,} frames with a ball; see {done.folder / CARD}"
     )

@@ -27,6 +27,7 @@ from core.detection.methods import Method
 from core.jobs import TaskControl
 from core.physics.constants_file import FittedConstants
 from core.recordings import BallTruth, open_recording
+from core.text import counted
 
 FEWEST_SEEN = 20
 """Windows with a ball in every camera from which on it is said that their rays do not meet."""
@@ -121,7 +122,8 @@ def odd_rays(track: Track) -> list[str]:
     if not seen and not points:
         return ["no window has a ball in every camera: see `rallyscope detect --camera NAME`"]
     if seen >= FEWEST_SEEN and points < MEETING_SHARE * seen:
-        return [f"every camera sees a ball in {seen} windows, but their rays meet in {points} only: {causes}"]
+        where = counted(seen, "window")
+        return [f"every camera sees a ball in {where}, but their rays meet in {points} only: {causes}"]
     residual_px = float(np.median(track.residuals_px)) if points else 0.0
     if points >= FEWEST_SEEN and residual_px > LARGEST_RESIDUAL_PX:
         return [f"the rays of the cameras miss each other by {residual_px:.2g} px (median): {causes}"]

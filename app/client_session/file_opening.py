@@ -25,6 +25,7 @@ from core.recordings import Recording, knows_ball
 from core.recordings.import_facts import IMPORTED_FROM, ImportFacts
 from core.recordings.sources.kinds import kind_of
 from core.recordings.sources.source import ImportOptions, parse_polarity
+from core.text import counted
 
 logger = logging.getLogger(__name__)
 
@@ -58,7 +59,8 @@ def list_message(files: Sequence[OfferedFile], missing: Sequence[str] = ()) -> M
 def facts_message(name: str, source: str, kind: str | None, recording: Recording) -> Message:
     """Message with the facts about the opened file."""
     cameras: list[Json] = [
-        f"{camera}: {stream.sensor}, {stream.event_count:,} events" for camera, stream in recording.cameras.items()
+        f"{camera}: {stream.sensor}, {counted(stream.event_count, 'event')}"
+        for camera, stream in recording.cameras.items()
     ]
     notes = _shortened(recording.notes)
     facts: list[Json] = [*cameras, f"{recording.duration_us / 1e6:.3f} s", *_extras(recording)]
@@ -150,7 +152,9 @@ def _extras(recording: Recording) -> list[Json]:
     return known
 
 
-BUSY = "A file is being opened already; wait for it, or cancel it."
+BUSY: Final = "A file is being opened already; wait for it, or cancel it."
+ASKED: Final = "{asked} waits for your answer: import or cancel it first. {name} was not opened."
+"""Said of a further file, while a question is open."""
 GONE = "That file is no longer in the list."
 
 
@@ -303,10 +307,12 @@ class FileOpening:
         with self._lock:
             self._arrived.discard(source)
             closed = self._closed
-        if closed or self._job is not None or self._question is not None:
+        question = self._question
+        if closed or self._job is not None or question is not None:
             source.release()
             if not closed:
-                self._tell({**self._last_sent, "problem": BUSY})
+                asks = "" if question is None else ASKED.format(asked=question.source.name, name=source.name)
+                self._tell({**self._last_sent, "problem": asks or BUSY})
             return
         self._tell_anew(source.name, {"state": "importing", "share": 0.0})
         self._look(source, {})

@@ -23,6 +23,7 @@ from core.data_sets.facts import RecordingFacts, count_facts
 from core.errors import CommandError
 from core.recordings import open_recording
 from core.recordings.reader import FileRecording
+from core.text import counted
 from labels.arrays import LabelArrays, label_arrays
 from labels.balls.flights import TRUTH, Flight, FlightCentres, centres_in, flights_of
 from labels.database.folder import store_path
@@ -50,8 +51,8 @@ class FlightSet:
         """What was done, in a line."""
         selection, total = self.manifest["selection"], self.manifest["total"]
         assert isinstance(selection, dict) and isinstance(total, dict)
-        flights = "1 flight" if total["recordings"] == 1 else f"{total['recordings']:,} flights"
-        done = f"{flights} ({splits_text(selection['splits'])}), {total['centres_2d']:,} centres: {self.folder}"
+        flights, centres = counted(total["recordings"], "flight"), counted(total["centres_2d"], "centre")
+        done = f"{flights} ({splits_text(selection['splits'])}), {centres}: {self.folder}"
         return f"{done}; {left_out_text(selection['left_out'])}" if selection["left_out"] else done
 
 

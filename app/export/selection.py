@@ -38,8 +38,10 @@ def span_of(recording: Recording, start_us: int | None = None, end_us: int | Non
     """Span from the given bounds; None means from the start, or to the end.
 
     Raises:
-        CommandError: if there is no such part.
+        CommandError: if there is no such part, or nothing in the recording.
     """
+    if recording.duration_us <= 0:
+        raise CommandError("this recording is empty", remedy="choose another: there is nothing to export")
     start = 0 if start_us is None else start_us
     end = recording.duration_us if end_us is None else min(end_us, recording.duration_us)
     if not 0 <= start < end:

@@ -15,6 +15,7 @@ from app.shared.library import Library
 from app.views.frame_picture import shown_frames
 from core.events import Health, RateCurve, rate_curve
 from core.recordings import Recording
+from core.text import counted
 
 Room = Literal["folded", "narrow", "wide"]
 WIDTHS_PX: Final[dict[Room, int]] = {"folded": 280, "narrow": 280, "wide": 350}
@@ -123,6 +124,8 @@ def health_html(info: RecordingInfo) -> str:
     remarks: list[str] = []
     harmless: list[str] = []
     for name, health in info.health.items():
+        if not health.event_count:
+            remarks.append(f"{html_text(name)}: no events in the whole recording")
         remarks += [
             f"{html_text(name)}: no events from {gap.start_us / 1e6:.3f} to {gap.end_us / 1e6:.3f} s"
             for gap in health.gaps[:LISTED]
@@ -130,7 +133,7 @@ def health_html(info: RecordingInfo) -> str:
         pixels = ", ".join(f"({x}, {y})" for x, y in health.hot_pixels_xy[:LISTED])
         count, most = len(health.hot_pixels_xy), harmless_hot_pixels(info.pixels[name])
         if count:
-            verdict = f"{count} hot pixels, {'more than' if count > most else 'harmless up to'} {most}"
+            verdict = f"{counted(count, 'hot pixel')}, {'more than' if count > most else 'harmless up to'} {most}"
             lines = remarks if count > most else harmless
             lines.append(f"{html_text(name)}: {verdict}; busiest {pixels}")
     if info.frames:

@@ -9,6 +9,7 @@ from app.state.browser_memory import default_config, differing_settings
 from app.state.client_state import SLOTS, ClientState, Slot
 from core.detection import DetectorConfig
 from core.detection.methods import METHODS, SECTIONS, STAGED, Method
+from core.text import counted
 
 NAMED: Final = 3
 """Most settings whose values are named."""
@@ -86,7 +87,7 @@ def changed_words(changed: tuple[ChangedConfig, ...]) -> str:
         return ""
     several = len(changed) > 1
     each = ", ".join(f"{one.slot} of {one.method}" + (f" ({one.settings})" if several else "") for one in changed)
-    return f"{total} {'setting' if total == 1 else 'settings'} changed from default: {each}"
+    return f"{counted(total, 'setting')} changed from default: {each}"
 
 
 def next_changed(changed: tuple[ChangedConfig, ...], method: Method, slot: Slot) -> ChangedConfig | None:

@@ -31,6 +31,7 @@ from core.metrics.run import WindowAnswer, answer_window
 from core.metrics.score import MATCH_RADIUS_PX
 from core.recordings import CameraStream, PixelTruth, Recording
 from core.recordings.frames import FrameStream
+from core.text import counted
 
 RADIUS_PX = 8
 OUTLINE = ("robot-left", "robot-right", "opponent-right", "opponent-left")
@@ -205,7 +206,7 @@ def render_watch(request: WatchRequest) -> Mosaic:
                     PaletteIndex.NO_BALL,
                 )
         draw_table_clicks(canvas, name, stream.calibration, request.table)
-        canvas.caption(f"{name}: {len(window.events)} events")
+        canvas.caption(f"{name}: {counted(len(window.events), 'event')}")
         canvases.append(canvas)
     for title, stream in frames.items():
         canvases.append(newest_frame(title, stream, request.t_us, canvases[0].image.shape[1], across=across))
@@ -308,12 +309,12 @@ def _when(answer: WindowAnswer, region: Region) -> str:
     A view that follows no ball can be dark while the window is full of events.
     """
     found, events = answer.detection, answer.window.events
-    text = f"{len(events)} events"
+    text = counted(len(events), "event")
     if found is not None:
         return f"{text}, ball at {answer.valid_us / 1e3:.3f} ms"
     x, y = events.x_px.astype(np.int64) - region.x, events.y_px.astype(np.int64) - region.y
     shown = np.count_nonzero((x >= 0) & (x < region.width) & (y >= 0) & (y < region.height))
-    return text if shown == len(events) else f"{text}, {shown} in view: Zoom 1 shows all"
+    return text if shown == len(events) else f"{text}, {shown:,} in view: Zoom 1 shows all"
 
 
 def window_before(stream: CameraStream, t_us: int, window_us: int) -> Window:

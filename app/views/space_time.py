@@ -24,6 +24,7 @@ from core.detection.method_trace import MethodTrace
 from core.events import Events
 from core.metrics.run import LEAD_IN_US, WindowAnswer, WindowAnswers, run_detector
 from core.recordings import CameraStream, PixelTruth
+from core.text import counted
 
 MOST_POINTS: Final = 30_000
 """More are thinned: so many points can be turned smoothly, and are 270 kB an update."""
@@ -218,7 +219,7 @@ def events_in_space(
         mark_rgb=_rgb(rgb, mark_ink),
         truth=_path_of(box, truth),
         ticks=ticks_of(box, zero_us),
-        note=f"{count_note(len(kept), len(shown))} in {windows} windows, {(end_us - start_us) / 1e3:g} ms",
+        note=f"{count_note(len(kept), len(shown))} in {counted(windows, 'window')}, {(end_us - start_us) / 1e3:g} ms",
     )
 
 
@@ -254,8 +255,8 @@ def thinned(count: int, most: int) -> NDArray[np.intp]:
 def count_note(drawn: int, count: int) -> str:
     """How many of the events are drawn."""
     if drawn == count:
-        return f"{count:,} events"
-    return f"{drawn:,} of {count:,} events drawn, 1 in {count / drawn:.1f},"
+        return counted(count, "event")
+    return f"{drawn:,} of {counted(count, 'event')} drawn, 1 in {count / drawn:.1f},"
 
 
 def tube_of(box: SpaceTimeBox, circles: Circles, window_us: int) -> Segments:

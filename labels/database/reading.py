@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import unquote
 
+from core.text import counted
 from labels.database.connection import DamagedStoreError, distrust, open_to_read, sqlite_errors, transaction
 from labels.database.folder import Layer, journals_in, stores_in
 from labels.database.migration import replay
@@ -41,7 +42,7 @@ def salvage(path: Path) -> tuple[sqlite3.Connection, tuple[str, ...]]:
         broken = [table for table in tables if not _copy_table(damaged, saved, table)]
         kept = saved.execute("SELECT count(*) FROM labels").fetchone()[0]
     what = f"damaged in {', '.join(broken)}" if broken else "damaged"
-    return saved, (f"{path}: {what}; {kept} labels could be read, others may be lost",)
+    return saved, (f"{path}: {what}; {counted(kept, 'label')} could be read, others may be lost",)
 
 
 def memory_store(recording_uuid: str) -> sqlite3.Connection:

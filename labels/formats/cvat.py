@@ -15,6 +15,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from core.errors import LabelError
+from core.text import counted
 from labels.formats.boxes import circle_of_polygon
 from labels.formats.documents import XmlNode, parse_xml
 from labels.formats.exchange import (
@@ -260,7 +261,7 @@ def _read_tracks(video: _Video, context: ImportContext, collector: Collector) ->
                         label = dataclasses.replace(label, provenance=made)
                     collector.add(label, file, shape.line)
     if outside:
-        collector.note(f"{outside} entries say that the object is outside: no label")
+        collector.note(f"{counted(outside, 'shape')} of an object that is outside: no label")
 
 
 def _held_shapes(track: XmlNode) -> dict[int, set[str]]:

@@ -1,6 +1,8 @@
-"""Tables of pages."""
+"""Tables of pages, and counts in words."""
 
-from core.text import markdown_table
+import pytest
+
+from core.text import counted, markdown_table
 
 
 def test_numbers_are_written_as_their_column_asks_and_stand_on_the_right() -> None:
@@ -15,3 +17,14 @@ def test_numbers_are_written_as_their_column_asks_and_stand_on_the_right() -> No
 
 def test_a_table_without_rows_has_its_titles() -> None:
     assert markdown_table(("a", ""), []) == "| a |  |\n| --- | --- |\n"
+
+
+@pytest.mark.parametrize(
+    ("count", "thing", "text"),
+    [
+        (0, "label", "0 labels"), (1, "label", "1 label"), (1260, "event", "1,260 events"), (2, "launch", "2 launches"),
+        (3, "miss", "3 misses"), (1, "box", "1 box"), (2, "box", "2 boxes"), (2, "earlier window", "2 earlier windows"),
+    ],
+)  # fmt: skip
+def test_a_count_and_its_thing_agree(count: int, thing: str, text: str) -> None:
+    assert counted(count, thing) == text

@@ -124,7 +124,7 @@ REPORTS = [
         "cvat",
         {"annotations.xml": track((1, 640, 1, 0), (2, 650, 0, 0), (3, 660, 1, 0), (4, 660, 1, 1))},
         [AT, (20_000, "visible", 649.5, 179.5), (30_000, "visible", 659.5, 179.5)],
-        "1 entries say that the object is outside",
+        "1 shape of an object that is outside",
     ),
     Report(
         f"{CVAT}/issues/4185",

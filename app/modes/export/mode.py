@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from app.export.exporter import ExportState
 from app.export.formats import FORMATS, ExportRequest, export, time_note
 from app.export.frozen import freeze
-from app.export.selection import Span, span_of
+from app.export.selection import Span
 from app.export.unfinished import Cancelled, Progress
 from app.export.view_film import ViewFilmPlan, export_view_film, save_picture
 from app.modes.export.files_panel import ExportFilesPanel, ViewerPanel, result_of_kind
@@ -28,6 +28,7 @@ from app.modes.export.plan_panel import (
     ExportPlan,
     ExportPlanPanel,
     made_with_html,
+    part_of,
 )
 from app.modes.export.view_shots import ViewShots
 from app.modes.mode import Middle, ModeHost, download_export
@@ -68,7 +69,7 @@ class StreamOrder:
         if self.plan.what != "Recording":
             raise CommandError("a training run is not streamed", remedy="export it, and open the file in Rerun")
         if not isinstance(self.recording, RingRecording):
-            span_of(self.recording, self.plan.start_us, self.plan.end_us)
+            part_of(self.recording, self.plan)
 
     def send(self, progress: Progress, cancelled: Cancelled, remark: Callable[[str], None]) -> None:
         """Send it; a live rally until it is cancelled.
@@ -98,7 +99,7 @@ class StreamOrder:
                     skipped=lambda us: remark(f"{us / 1e6:.1f} s were skipped: this machine is too slow"),
                 )  # fmt: skip
             return
-        span = span_of(recording, plan.start_us, plan.end_us)
+        span = part_of(recording, plan)
         stream_recording(
             recording, self.address, span, contents, name=self.name, groups=groups, progress=progress,
             cancelled=cancelled,
@@ -237,7 +238,7 @@ class ExportMode:
         recording = self._host.recording
         if recording is None or state is None:
             raise CommandError("no recording is open", remedy="choose one under Recording")
-        span = span_of(recording, plan.start_us, plan.end_us)  # says at once what is wrong with it
+        span = part_of(recording, plan)  # says at once what is wrong with it
         if plan.of_view:
             self._start_view(plan, span, state)
             return
@@ -345,7 +346,7 @@ def _recording_work(
     recording: Recording, plan: ExportPlan, detector: SavedDetector, labels: Path, live: LiveRally | None
 ) -> Callable[[Path, Progress, Cancelled], tuple[Path, ...]]:
     def work(path: Path, progress: Progress, cancelled: Cancelled) -> tuple[Path, ...]:
-        source, span = recording, span_of(recording, plan.start_us, plan.end_us)
+        source, span = recording, part_of(recording, plan)
         if isinstance(recording, RingRecording):
             source = freeze(recording, span)
         order = ExportRequest(

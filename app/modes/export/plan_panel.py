@@ -10,11 +10,14 @@ import viser
 
 from app import theme
 from app.export.formats import FORMATS
+from app.export.selection import Span, span_of
 from app.formatting import html_text
 from app.state.client_state import Slot
 from app.state.config_words import settings_words
 from app.widgets import Choice, Listing, titles_of, when_changed, when_clicked
 from core.detection.saved import SavedDetector
+from core.errors import CommandError
+from core.recordings import Recording
 
 VIEW_PICTURE, VIEW_FILM = "view-png", "view-mp4"
 VIEWS: Final = {VIEW_PICTURE: "Picture of the 3D view (.png)", VIEW_FILM: "Film of the 3D view (.mp4)"}
@@ -253,6 +256,24 @@ def parts_of(span_us: tuple[int, int]) -> tuple[str, ...]:
     """What can be taken of a recording: 2 s only of a longer one."""
     first_us, last_us = span_us
     return (ALL, ROUND) if last_us - first_us > ROUND_US else (ALL,)
+
+
+def part_of(recording: Recording, plan: ExportPlan) -> Span:
+    """The part of a recording that a person chose; all of it for a picture of the 3D view, which asks for none.
+
+    Raises:
+        CommandError: in the words of the panel, if there is no such part.
+    """
+    if plan.format == VIEW_PICTURE:
+        return span_of(recording)
+    if recording.duration_us > 0 and not 0 <= plan.start_us < min(plan.end_us, recording.duration_us):
+        raise CommandError(
+            "no such part of the recording",
+            expected=f"From before To, and before its end at {recording.duration_us / 1e6:g} s",
+            got=f"{plan.start_us / 1e6:g} to {plan.end_us / 1e6:g} s",
+            where="Part",
+        )
+    return span_of(recording, plan.start_us, plan.end_us)
 
 
 def part_around(here_us: int, span_us: tuple[int, int]) -> tuple[int, int]:

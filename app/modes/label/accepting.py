@@ -17,6 +17,7 @@ from app.modes.label.label_writer import Change, Saved
 from app.modes.label.labelling import CameraWork, Labelling
 from app.modes.label.sightings import FROM_OTHERS, draft_at
 from app.modes.label.sources import LabelSource
+from core.text import counted
 from labels.assist import Proposals, WholeFlight, check_stereo, labels_between, steady_segment
 from labels.assist.stereo import median_over_cameras
 from labels.assist.whole_flight import Doubt
@@ -123,7 +124,7 @@ def _note_stored(editor: LabelEditor, title: str, saved: Saved) -> None:
     """Say how many labels are on the disk; the times of a segment may all have labels already."""
     count = len(saved.touched_us)
     if count:
-        editor.note(title, f"{count} {'label' if count == 1 else 'labels'}; Z takes back all of this step.", "green")
+        editor.note(title, f"{counted(count, 'label')}; Z takes back all of this step.", "green")
     else:
         editor.note("Nothing to accept", "Every time of this segment has a label, or its proposal was rejected.")
 
@@ -145,7 +146,7 @@ def interpolate(editor: LabelEditor) -> None:
     def then(saved: Saved) -> None:
         count = len(saved.touched_us)
         if count:
-            editor.note("Interpolated", f"{count} labels; Z takes them back", "green")
+            editor.note("Interpolated", f"{counted(count, 'label')}; Z takes back this step", "green")
         else:
             editor.note("Not interpolated", "Needs five labels without a gap, and unchecked times between them.")
 
@@ -170,7 +171,7 @@ def accept_flight(editor: LabelEditor, cameras: tuple[str, ...], found: WholeFli
         return
     pair = len(cameras) == 2
     count, where = sum(map(len, labels.values())), "both cameras" if pair else f"{len(cameras)} cameras"
-    text = f"{count} labels in {where}; Z takes them back."
+    text = f"{counted(count, 'label')} in {where}; Z takes back this step."
     if doubted_us or elsewhere:
         others = "the other camera" if pair else "the other cameras"
         text += f" To check: {len(doubted_us)} here, {elsewhere} in {others}. K leads through them."

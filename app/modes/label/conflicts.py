@@ -13,6 +13,7 @@ from typing import Final
 from app.modes.label.editor import LabelEditor
 from app.modes.label.label_changes import ShownPicture
 from core.errors import LabelError
+from core.text import counted
 from labels.conflicts import Settled, settlement
 from labels.model import Label, PositionSource
 from labels.store import LabelStore
@@ -88,7 +89,8 @@ def take_missing(editor: LabelEditor) -> None:
         return tuple(label.t_us for label in labels)
 
     def then(_: object) -> None:
-        editor.note("Taken over", f"{taken[0]} labels of {name}, as {name} made them; Z takes them back.", "green")
+        labels = counted(taken[0], "label")
+        editor.note("Taken over", f"{labels} of {name}, as {name} made them; Z takes back this step.", "green")
 
     editor.write(change, then=then)
 

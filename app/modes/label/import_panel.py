@@ -32,6 +32,7 @@ from app.widgets import Listing, titles_of, when_clicked
 from core.errors import CommandError, LabelError, RallyscopeError
 from core.files import end_unfinished
 from core.live.ring_recording import RingRecording
+from core.text import counted
 from labels.contacts import new_contacts
 from labels.formats import FORMATS
 from labels.store import LabelStore
@@ -122,7 +123,7 @@ class LabelImportPanel:
         if picture is not None:
             self._picture.image = picture
         self._accept.visible = self._discard.visible = taken > 0
-        self._accept.label = f"Accept {taken} labels"
+        self._accept.label = f"Accept {counted(taken, 'label')}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -279,8 +280,8 @@ class LabelImports:
         if isinstance(answer, LabelError):
             self._panel.show(note_html(html_text(str(answer)), theme.BAD), None, 0)
             return
-        there = f", {answer[1]} were there already" if answer[1] else ""
-        text = f"{answer[0]} labels stored for {ask.annotator!r}, camera {ask.camera}{there}"
+        there = f", {answer[1]} there already" if answer[1] else ""
+        text = f"{counted(answer[0], 'label')} stored for {ask.annotator!r}, camera {ask.camera}{there}"
         more = "To see them, choose that name under Annotator, or compare with it."
         self._panel.show(note_html(html_text(text), theme.GOOD) + note_html(more, theme.MUTED), None, 0)
 

@@ -26,6 +26,9 @@ STATE_NAMES: Final = {
 }
 """Act -> what its button says."""
 
+NOWHERE: Final = (math.nan, math.nan, math.nan)
+"""Numbers of what has no place: the page leaves fields with NaN empty."""
+
 ANNOTATOR: Final = "Annotator"
 """Label of the field with the annotator's name."""
 FLAT, IN_SPACE = "Picture", "3D"
@@ -228,13 +231,8 @@ class LabelPanel:
 
     def show_label(self, label: Label | None, asking: UnfitClick | None) -> None:
         """Numbers and state at the cursor; of a click that waits for its radius, the centre."""
-        if asking is not None:
-            self._centre.value, self._radius.value = (round(asking.x_px, 3), round(asking.y_px, 3)), 0.0
-        elif label is None or label.x_px is None or label.y_px is None:
-            self._centre.value, self._radius.value = (0.0, 0.0), 0.0
-        else:
-            self._centre.value = (round(label.x_px, 3), round(label.y_px, 3))
-            self._radius.value = round(label.r_px or 0.0, 3)
+        x_px, y_px, self._radius.value = shown_numbers(label, asking)
+        self._centre.value = x_px, y_px
         self._state.show("" if label is None else label.state.replace("_", " "))
 
     def show_undo(self, *, can_undo: bool, can_redo: bool) -> None:
@@ -270,8 +268,20 @@ class LabelPanel:
 
     def _send_numbers(self) -> None:
         x, y, r = *self._centre.value, self._radius.value
-        if all(map(math.isfinite, (x, y, r))):
+        if all(map(math.isfinite, (x, y, r))):  # else a label would be placed before all three are typed
             self._actions.numbers(x, y, r or None)
+
+
+def shown_numbers(label: Label | None, asking: UnfitClick | None) -> tuple[float, float, float]:
+    """Centre x, y and radius, px, in the fields: of the label, else of a click that waits for its radius; or `NOWHERE`.
+
+    A radius of 0 is not known.
+    """
+    if asking is not None:
+        return round(asking.x_px, 3), round(asking.y_px, 3), 0.0
+    if label is None or label.x_px is None or label.y_px is None:
+        return NOWHERE
+    return round(label.x_px, 3), round(label.y_px, 3), round(label.r_px or 0.0, 3)
 
 
 def _step_of(text: str) -> int:

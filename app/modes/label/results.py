@@ -21,6 +21,7 @@ from app.state.commands import AskForScore
 from app.state.config_words import detector_words
 from app.widgets import titles_of, when_clicked
 from core.errors import CommandError
+from core.text import counted
 from labels.formats import FORMATS, ExportOptions
 from labels.model import ContactLabel, Label
 from labels.store import LabelStore, Layer, has_labels
@@ -131,7 +132,8 @@ class LabelResults:
             name, made, self._name = self._name, self._made, None
             lines = (state.message,)
             if made is not None and not state.failed and state.message != "cancelled":
-                lines += (f"{made.labels} labels, {len(made.pictures)} pictures; also in the folder exports",)
+                labels, pictures = counted(made.labels, "label"), counted(len(made.pictures), "picture")
+                lines += (f"{labels}, {pictures}; also in the folder exports",)
                 lines += tuple(f"not in this format: {loss}" for loss in made.losses)
                 download_export(self._host, name)
             self._panel.show(lines, running=False, failed=state.failed)

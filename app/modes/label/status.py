@@ -16,6 +16,7 @@ from app.modes.label.label_writer import LabelWriter
 from app.modes.label.labelling import Labelling
 from app.modes.label.sightings import FROM_OTHERS, CameraAgreement, draft_at
 from app.pictures.palette import PaletteIndex
+from core.text import counted
 from labels.assist import Proposals
 from labels.assist.stereo import radius_is_off
 from labels.model import Label
@@ -123,10 +124,10 @@ def progress_html(checked: Checked) -> str:
         f"<div style='height:6px;border-radius:3px;background:#2c2f37;margin:3px 0'>"
         f"<div style='height:6px;border-radius:3px;width:{100 * share:.1f}%;background:{theme.GOOD}'></div></div>"
     )
-    labels = "1 label" if checked.labels == 1 else f"{checked.labels} labels"
+    labels = counted(checked.labels, "label")
     if checked.labels > checked.checked:
         labels += f", {checked.labels - checked.checked} between these times"
-    text = f"{checked.checked} of {checked.total} times checked, {labels}"
+    text = f"{checked.checked:,} of {counted(checked.total, 'time')} checked, {labels}"
     return f"<div style='font-size:12.5px;padding:2px 12px'>{text}{bar}</div>"
 
 
@@ -206,4 +207,5 @@ def proposals_html(proposals: Proposals | None, share: float | None, held: bool,
         return note_html(f"proposing: {percent(share)}, {count} so far{waits}", BRAND if held else theme.MUTED)
     if lost and proposals is None:
         return note_html("Proposals are not kept over a reload: I runs the detector again", AMBER)
-    return note_html(f"{count} proposals" if count else "&nbsp;", theme.MUTED)  # empty, the buttons would move
+    text = counted(count, "proposal") if count else "&nbsp;"  # empty, the buttons would move
+    return note_html(text, theme.MUTED)

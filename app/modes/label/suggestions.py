@@ -21,6 +21,7 @@ from app.modes.label.status import Checked, checked_of
 from core.detection.saved import SavedDetector
 from core.metrics.at_times import LEAD_IN_US
 from core.recordings import CameraStream
+from core.text import counted
 from labels.assist import Proposals, WholeFlight, check_stereo, next_blind, propose, review_queue, whole_flight
 from labels.assist.propose import joined_proposals
 from labels.assist.review import QueueItem
@@ -262,7 +263,7 @@ def nothing_suspicious_words(checked: Checked, share: float | None) -> tuple[str
         share: how far the detector is, while it runs.
     """
     left = checked.total - checked.checked
-    ends = [f"{left} {'time' if left == 1 else 'times'} unchecked"] if left else []
+    ends = [f"{counted(left, 'time')} unchecked"] if left else []
     ends += [] if share is None else [f"proposals {percent(share)} done"]
     return f"Nothing suspicious so far; {', '.join(ends)}." if ends else "No label or proposal looks wrong.", bool(ends)
 

@@ -14,6 +14,7 @@ from app.formatting import table_row
 from app.shared.training_records import Metrics, number
 from core.learning.runs.summary import SeedSpread, spread_of
 from core.physics.episode import Case
+from core.text import counted
 
 Array = NDArray[np.float64]
 WINDOW: Final = 25
@@ -248,7 +249,7 @@ def seed_results_html(results: SeedResults | None) -> str:
     if max(returned.count, error.count) > 1:
         ends = _row("95 % interval", "", _ends(returned, 1, 100.0), _ends(error, 0, math.inf))
     more = len(results.seeds) - LISTED_SEEDS
-    note = f"and {more} seeds before; " if more > 0 else ""
+    note = f"and {counted(more, 'seed')} before; " if more > 0 else ""
     return (
         f"<div style='font-size:11.5px;padding:2px 12px'><table style='width:100%'>{titles}"
         f"{''.join(rows)}{mean}{ends}</table><span style='color:{theme.MUTED}'>{note}the last checkpoint's policy on "

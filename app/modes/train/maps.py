@@ -22,6 +22,7 @@ from core.learning.config import EnvironmentConfig
 from core.learning.evaluation.policy_map import PolicyMap, map_policy
 from core.learning.runs.run_files import seed_files
 from core.table import NET_OVERHANG_M, TABLE_LENGTH_M, TABLE_WIDTH_M
+from core.text import counted
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
@@ -214,7 +215,8 @@ def map_words(found: PolicyMap, seed: int) -> tuple[str, ...]:
 
 def before_words(found: PolicyMap, episode: int) -> tuple[str, ...]:
     """Text lines above the map of the policy after `episode` balls, 0: before the first one."""
-    what = "Before the training" if episode == 0 else f"Before: the first policy that was kept, after {episode} balls"
+    kept = f"Before: the first policy that was kept, after {counted(episode, 'ball')}"
+    what = "Before the training" if episode == 0 else kept
     everywhere = np.ones_like(found.inside)
     which = found.inside if found.inside.any() and not found.trained.is_one else everywhere
     return (f"{what}. On the same balls{'' if which.all() else ', inside the box'}: {_result(found, which)}.",)

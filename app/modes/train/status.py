@@ -15,6 +15,7 @@ from app.shared.training_records import Replay, number
 from app.theme import hex_colour
 from core.learning.config import CurriculumConfig, EnvironmentConfig, RunConfig
 from core.physics.episode import Case
+from core.text import counted
 
 COLOURS: Final[dict[RunPhase, str]] = {
     "running": theme.GOOD,
@@ -71,7 +72,7 @@ def learned_text(config: RunConfig, line: dict[str, object]) -> str:
         return ""
     speed = "" if config.environment.recorded else f" at {number(line.get('speed_mps')):g} m/s"
     what = f"returns {returned:.0f} % of the balls{speed}, {error_mm:.0f} mm from the target"
-    return f"{what}, after {line.get('episode')} balls"
+    return f"{what}, after {counted(int(number(line.get('episode'))), 'ball')}"
 
 
 def plan_text(run: RunState) -> str:
@@ -82,7 +83,7 @@ def plan_text(run: RunState) -> str:
         f"{count} at {speed:g} m/s" for speed, count in zip(curriculum.speeds_mps, curriculum.episodes, strict=True)
     )
     if config.environment.recorded:
-        stages = f"{config.episodes} recorded balls"
+        stages = counted(config.episodes, "recorded ball")
     seeds = "" if config.seeds == 1 else f", {config.seeds} seeds"
     return f"{config.agent}, {config.reward.kind} reward, {stages}{seeds}{_differing_text(config.environment)}"
 

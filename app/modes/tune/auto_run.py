@@ -22,7 +22,7 @@ from core.detection.methods import Method
 from core.detection.saved import load_detector, save_detector
 from core.detection.window import WHOLE, EarlyEnds
 from core.errors import CommandError, RallyscopeError
-from core.text import parse_json
+from core.text import counted, parse_json
 from core.tuning.objective import Figures, measurably_differ
 
 TITLES: Final = ("windows", "config", "precision", "recall", "median error", "objective")
@@ -88,7 +88,7 @@ def report_html(title: str, report: TuningReport) -> str:
     thresholds = f"<table>{_head(('threshold', 'A', 'B', 'importance'))}{_thresholds(report)}</table>"
     if report.importance:
         thresholds = f"<div>{thresholds}<div style='color:{theme.MUTED}'>{IMPORTANCE}</div></div>"
-    head = f"Result of {html_text(title)}, {report.trials} trials. {_verdict(report)}"
+    head = f"Result of {html_text(title)}, {counted(report.trials, 'trial')}. {_verdict(report)}"
     return (
         f"<div style='font-size:12.5px;padding:4px 12px'>{head}"
         f"<div style='display:flex;gap:24px;align-items:flex-start'><div>{sides}</div>{thresholds}</div></div>"

@@ -38,6 +38,7 @@ from core.metrics.compare import (
 from core.metrics.run import LEAD_IN_US, duration_of
 from core.recordings import CameraStream, PixelTruth
 from core.recordings.recording import freeze_camera
+from core.text import counted
 from labels.arrays import STATES
 from labels.model import LabelState
 
@@ -112,7 +113,7 @@ def known_reference(labels: Path, uuid: str, stream: CameraStream) -> PixelRefer
     kept = store.labels()
     kept = kept.rows(kept.state != STATES.index(LabelState.OCCLUDED))
     places = PixelTruth(kept.t_us, kept.x_px, kept.y_px, kept.r_px, kept.seen)
-    return labels_reference(places, f"{len(kept)} labels by {store.layer.annotator}")
+    return labels_reference(places, f"{counted(len(kept), 'label')} by {store.layer.annotator}")
 
 
 class KnownReferences:
@@ -256,7 +257,7 @@ def stretches_html(answer: CompareAnswer, method: Method, *, missed: bool) -> st
     count = sum(stretch.count for stretch in stretches)
     asked, answers = len(one.judged.asked_us), len(one.judged.t_us)
     if missed:
-        what = f"Missed at {count} of {asked} times" if count else f"No misses at {asked} times"
+        what = f"Missed at {count:,} of {counted(asked, 'time')}" if count else f"No misses at {counted(asked, 'time')}"
     else:
         what = f"{count or 'None'} of {answers} answers are wrong"
     if answer.kind == "method":

@@ -14,6 +14,7 @@ from core.detection.methods import Method, make_detector, method_config
 from core.metrics.at_times import answers_at
 from core.metrics.run import TimedDetector
 from core.recordings import CameraStream
+from core.text import counted
 from labels.agreement import Agreement, measure_agreement
 from labels.arrays import STATES
 from labels.model import LabelState
@@ -121,9 +122,10 @@ def label_score_html(title: str, score: LabelScore) -> str:
     noise = score.noise.by_hand.sigma_px if score.noise is not None and score.noise.by_hand.pairs else None
     noise_text = "not measured" if noise is None else f"{noise:.2f} px a coordinate"
     table = with_dashes_explained(f"<table>{head}{rows}</table>")
-    svg = score_svg(score.curves, f"{title}, against {score.labels} labels by {score.annotator}", noise_px=noise)
+    against = f"against {counted(score.labels, 'label')} by"
+    svg = score_svg(score.curves, f"{title}, {against} {score.annotator}", noise_px=noise)
     return (
-        f"<div style='font-size:12.5px;padding:4px 12px'>{html_text(title)}, against {score.labels} labels by "
+        f"<div style='font-size:12.5px;padding:4px 12px'>{html_text(title)}, {against} "
         f"{html_text(score.annotator)}; annotator noise: {noise_text}"
         f"{table}<div style='margin-top:6px'>{svg}</div></div>"
     )

@@ -246,6 +246,8 @@ class TuneMode:
         self.window = None
         names = tuple(name for name, _ in request.configs)
         with self._host.client.atomic():
+            if (state := self._host.state) is not None:
+                self._view.show_found(state, found=any(one.detection is not None for one in answer.found))
             if isinstance(request, TuneRequest):
                 found, stream = answer.found[names.index(request.view.slot)], request.stream
                 self.window = ShownWindow(stream.name, request.t_us, miss_px(found.detection, stream.truth))

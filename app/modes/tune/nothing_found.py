@@ -13,11 +13,12 @@ from typing import Final
 
 from app.background.jobs import LatestWins
 from app.formatting import html_text, percent
-from app.modes.tune.results_panel import reasons_html
+from app.modes.tune.candidates import reasons_html
 from core.detection import DetectorConfig
 from core.detection.methods import Method
 from core.metrics.run import MethodSample, best_other, duration_of, sample_method, sample_rimless
 from core.recordings import CameraStream
+from core.text import counted
 
 REST_S: Final = 1.5
 """A config is sampled when it has not changed for so long: not at each step of a slider."""
@@ -134,7 +135,8 @@ def nothing_found_html(answer: SampleAnswer) -> str:
     if sample.found or not sample.windows:
         return ""
     over = f"the last {1e-6 * LIVE_US:g} s" if answer.live else "this recording"
-    text = f"<b>{html_text(sample.method)} finds no ball in a sample of {sample.windows} windows of {over}.</b>"
+    windows = counted(sample.windows, "window")
+    text = f"<b>{html_text(sample.method)} finds no ball in a sample of {windows} of {over}.</b>"
     shares = (f"{reasons_html((one,))} in {percent(one.windows / sample.windows)}" for one in sample.reasons[:REASONS])
     if sample.reasons:
         text += f" Most often: {', '.join(shares)}."

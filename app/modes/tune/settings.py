@@ -238,7 +238,17 @@ def stage_counts_html(text: str) -> str:
 
 
 FOLLOW, FOLLOWING, WHOLE = "Follow the ball", "Follow the ball: already on", "Follow the ball: zoom in first"
+NO_BALL: Final = "Follow the ball: on, none found here"
 """Texts of the button: what it does, or why it is disabled."""
+
+
+def follow_text(state: ClientState, *, found: bool) -> str:
+    """Text of the button that lets the zoomed view follow the ball; `found`: whether the shown window has one."""
+    if state.tune.zoom <= 1.0:
+        return WHOLE
+    if state.tune.centre_px is not None:
+        return FOLLOW
+    return FOLLOWING if found else NO_BALL
 
 
 IN_SPACE, FLAT = "3D", "Picture"
@@ -248,6 +258,7 @@ class TuneViewPanel:
     """Controls of camera, window and zoom."""
 
     def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None]) -> None:
+        self._found = True  # until the first answer
         self.folder = gui.add_folder("View")
         with self.folder:
             self._camera = Listing(gui, "Camera", lambda name: send(SetCamera(name)))
@@ -305,10 +316,7 @@ class TuneViewPanel:
         self._stage.offer(VIEWS[state.tune.method])
         self._stage.show(state.tune.stage)
         self._zoom.value = state.tune.zoom
-        following = state.tune.centre_px is None
-        zoomed = state.tune.zoom > 1.0
-        self._follow.disabled = following or not zoomed
-        self._follow.label = FOLLOW if zoomed and not following else FOLLOWING if zoomed else WHOLE
+        self._show_follow(state)
         self._slot.show(state.tune.slot)
         words = changed_words(changed_configs(state))
         self._changed.visible = self._changes.visible = bool(words)
@@ -318,6 +326,15 @@ class TuneViewPanel:
         # A camera may be called so, too, and the page takes no option twice.
         self._frames.offer(tuple(dict.fromkeys((NO_FRAMES, *state.titled_frames))))
         self._frames.show(state.tune.frames or NO_FRAMES)
+
+    def show_found(self, state: ClientState, *, found: bool) -> None:
+        """Whether the shown window has a ball to follow."""
+        self._found = found
+        self._show_follow(state)
+
+    def _show_follow(self, state: ClientState) -> None:
+        self._follow.label = follow_text(state, found=self._found)
+        self._follow.disabled = self._follow.label != FOLLOW
 
     def show_note(self, text: str) -> None:
         """Say which events are shown in space and time."""

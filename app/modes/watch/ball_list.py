@@ -16,6 +16,7 @@ from app.formatting import html_text, with_dashes_explained
 from app.modes.watch.ball_scatter import BallScatter, ScatterAxes, draw_scatter, title_of
 from app.modes.watch.figures import muted
 from app.shared.ball_index import BallIndex, BallSource
+from core.text import counted
 
 ROWS: Final = 12
 """Rows of a page."""
@@ -121,7 +122,7 @@ def balls_html(rows: Sequence[Mapping[str, object]], links: Sequence[str | None]
 def count_html(found: BallIndex, selected: int, first: int) -> str:
     """How many balls are selected, which are shown, and what is not in the list."""
     shown = f", {first + 1:,} to {min(first + ROWS, selected):,} shown" if selected else ""
-    lines = [f"<b>{selected:,}</b> of {len(found.table):,} rows{shown}"]
+    lines = [f"<b>{selected:,}</b> of {counted(len(found.table), 'row')}{shown}"]
     if found.unknown:
         lines.append(muted(f"{len(found.unknown):,} recordings say nothing of their balls"))
     lines += [muted(html_text(f"not read: {text}")) for text in list(found.failed.values())[:3]]

@@ -8,6 +8,7 @@ from typing import Final
 from app import theme
 from app.formatting import GLOSSARY, html_text, percent, tooltip
 from core.live.live_snapshot import Percentiles, PlayerHealth
+from core.text import counted
 from core.trajectory.learned_constants import LearnedConstants
 
 STAGE_WORDS: Final = {
@@ -100,9 +101,4 @@ def learned_words(learned: LearnedConstants) -> str:
         air = f"drag {drag}"
     else:
         air = f"air or none ({percent(learned.air)})"
-    return f"{air}, restitution {restitution}, friction {friction} (learned from {balls_text(learned.balls)})"
-
-
-def balls_text(count: int) -> str:
-    """Number of balls as text."""
-    return "1 ball" if count == 1 else f"{count} balls"
+    return f"{air}, restitution {restitution}, friction {friction} (learned from {counted(learned.balls, 'ball')})"

@@ -13,12 +13,12 @@ from viser import uplot
 from app import theme
 from app.formatting import html_text
 from app.modes.mode import ModeHost, do_in_pool
-from app.modes.watch.figures import balls_text
 from app.shared.live_rally import LiveRally
 from app.shared.rallies import learning_start, start_choices
 from app.widgets import Listing, decades, log_scale, plot_axis, when_changed, when_clicked
 from core.online_learning.progress import WINDOW, LearningProgress
 from core.online_learning.start import NOTHING
+from core.text import counted
 
 Array = NDArray[np.float64]
 SHOWN: Final = 300
@@ -37,7 +37,7 @@ def learning_html(progress: LearningProgress | None, *, on: bool) -> str:
     """HTML of the progress; empty before learning began."""
     if progress is None:
         return ""
-    lines = [f"<b>{balls_text(progress.learned)} learned from</b>, started from {html_text(progress.start)}"]
+    lines = [f"<b>{counted(progress.learned, 'ball')} learned from</b>, started from {html_text(progress.start)}"]
     if progress.balls:
         back, of = progress.returned_lately
         _, medians = progress.errors_mm()

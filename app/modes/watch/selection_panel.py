@@ -18,6 +18,7 @@ from app.shared.workspace import Workspace, free_path, slug_from, taken_text
 from core.errors import CommandError
 from core.files import numbered
 from core.recordings import open_recording
+from core.text import counted
 
 TO_LABEL: Final = "To label"
 TRAINING: Final = "Training"
@@ -124,8 +125,7 @@ def list_to_label(
         progress(number / len(by_source))
     write_moments(workspace.root, moments)
     count = sum(map(len, moments.values()))
-    where = "1 recording" if len(moments) == 1 else f"{len(moments):,} recordings"
-    return f"Moments to label in {where}: {count:,}. Key K in Label goes to them"
+    return f"Moments to label in {counted(len(moments), 'recording')}: {count:,}. Key K in Label goes to them"
 
 
 def write_training(index: BallIndex, rows: NDArray[np.int64], workspace: Workspace, name: str) -> str:
@@ -143,7 +143,7 @@ def write_training(index: BallIndex, rows: NDArray[np.int64], workspace: Workspa
     with free_path(workspace.exports / f"{free}.json" for free in numbered(name)) as path:
         done = write_launches(path, index.table.take(rows))
     left_out = f", {done.unknown:,} left out (state not known)" if done.unknown else ""
-    return f"{taken_text(name, path)}{done.written:,} launches{left_out}: rallyscope train --balls {path}"
+    return f"{taken_text(name, path)}{counted(done.written, 'launch')}{left_out}: rallyscope train --balls {path}"
 
 
 def write_data_set(

@@ -23,6 +23,7 @@ from core.live.live_player import NOBODY
 from core.live.live_snapshot import PlayerHealth, RallySnapshot
 from core.live.stream_watch import CameraHealth
 from core.physics.episode import Case
+from core.text import counted
 
 REMEDY = "A camera or lens was moved: calibrate again"
 
@@ -35,11 +36,11 @@ def drift_row(report: DriftReport) -> tuple[str, str]:
             message = "unknown: the cameras see different objects"
             return "Calibration", coloured(theme.WARN, f"{message}. {REMEDY}" if report.alarm else message)
         # 0: before a chain was made nobody has said how many.
-        counted = f" ({report.points} of {report.needed} points)" if report.needed else ""
-        return "Calibration", muted(f"Not yet known{counted}")
+        known = f" ({report.points} of {report.needed} points)" if report.needed else ""
+        return "Calibration", muted(f"Not yet known{known}")
     if report.alarm:
         return "Calibration", coloured(theme.BAD, f"{drift_words(report)}. {REMEDY}")
-    message = f"fits to {drift.drift_px:.2f} px ({report.points} points of the ball)"
+    message = f"fits to {drift.drift_px:.2f} px ({counted(report.points, 'point')} of the ball)"
     return "Calibration", coloured(theme.GOOD, message)
 
 
@@ -144,7 +145,7 @@ def live_html(snapshot: RallySnapshot, state: WorldState, status: str, cameras: 
     if state.readout_delayed or state.readout_dropped:
         rows.append(("Sensor readout", _readout(state)))
     if health.blocks_dropped:
-        skipped = f"{health.blocks_dropped} blocks of 10 ms since the session began: this machine was busy"
+        skipped = f"{counted(health.blocks_dropped, 'block')} of 10 ms since the session began: this machine was busy"
         rows.append(("Skipped blocks", muted(f"{skipped}. A recording has them. Many? Choose a slower Pace")))
     if snapshot.problem and snapshot.problem != NOBODY:
         rows.append(("Problem", coloured(theme.BAD, html_text(snapshot.problem))))
@@ -191,7 +192,8 @@ def _readout(state: WorldState) -> str:
     late = f"{state.readout_delayed:,} late, up to {state.readout_longest_us} us"
     if not state.readout_dropped:
         return late
-    return f"{late}, {coloured(theme.BAD, f'{state.readout_dropped:,} events lost: reduce Noise')}"
+    lost = f"{counted(state.readout_dropped, 'event')} lost: reduce Noise"
+    return f"{late}, {coloured(theme.BAD, lost)}"
 
 
 def landing_legend_html() -> str:

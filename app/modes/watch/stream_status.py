@@ -12,6 +12,7 @@ from core.live.camera_source import CameraReport, CameraSource
 from core.live.link.live_source import LiveSource
 from core.live.live_snapshot import RallySnapshot
 from core.live.stream_watch import CameraHealth, StreamHealth
+from core.text import counted
 
 Rows = list[tuple[str, str]]
 
@@ -36,13 +37,13 @@ def lost_words(counts: FeedCounts) -> str:
     """Text of what a camera has lost since it was opened; empty if nothing."""
     message = []
     if counts.packets_dropped:
-        message.append(f"{counts.packets_dropped:,} USB packets: this machine was too busy to read them")
+        message.append(f"{counted(counts.packets_dropped, 'USB packet')}: this machine was too busy to read them")
     elif counts.gaps:
-        message.append(f"{counts.gaps:,} gaps in what the camera sent")
+        message.append(f"{counted(counts.gaps, 'gap')} in what the camera sent")
     if counts.events_given_up:
-        message.append(f"{counts.events_given_up:,} events that came too late")
+        message.append(f"{counted(counts.events_given_up, 'event')} that came too late")
     if counts.packets_refused:
-        message.append(f"{counts.packets_refused:,} invalid packets")
+        message.append(counted(counts.packets_refused, "invalid packet"))
     return "; ".join(message)
 
 
@@ -62,7 +63,7 @@ def _clock(report: CameraReport, first: str, *, cable: bool) -> str:
     if first:
         message += f"; one with {first}'s, by cable" if cable else f"; shifted to {first}'s, no sync cable"
     if report.clock_restarts:
-        message += f"; restarted {report.clock_restarts} times"
+        message += f"; restarted {counted(report.clock_restarts, 'time')}"
     return message
 
 
@@ -100,7 +101,7 @@ def stream_html(source: LiveSource, health: StreamHealth, snapshot: RallySnapsho
         if followed.blocks_dropped:
             live = isinstance(source, CameraSource)
             remedy = "It is too slow for these cameras" if live else "Ask for a lower speed"
-            skipped = f"{followed.blocks_dropped:,} blocks of 10 ms: this machine was busy"
+            skipped = f"{counted(followed.blocks_dropped, 'block')} of 10 ms: this machine was busy"
             rows.append(("Skipped blocks", muted(f"{skipped}. A recording has them. Many? {remedy}")))
         rows += picture_rows(followed.pictures, followed.pictures_skipped)
     return figures_html(rows) + ("" if has_robot else ALONE)
@@ -119,7 +120,7 @@ def camera_rows(cameras: tuple[CameraHealth, ...]) -> list[tuple[str, str]]:
     """Rows of cameras with present or past problems; none for cameras that never missed a block."""
     rows = []
     for one in cameras:
-        missing = f"{one.blocks_missing:,} blocks of 10 ms never came"
+        missing = f"{counted(one.blocks_missing, 'block')} of 10 ms never came"
         if one.lost:
             message = f"lost, no data for {one.absent_us / 1e6:.1f} s; {missing}. The rest continues"
             rows.append((html_text(one.name), coloured(theme.BAD, message)))

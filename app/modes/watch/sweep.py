@@ -25,6 +25,7 @@ from core.cameras.calibration.coverage import cells_of, emptiest_ninth, ninth_wo
 from core.errors import CommandError
 from core.recordings import Recording
 from core.recordings.board_pictures import newest_blink
+from core.text import counted
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +156,7 @@ def board_html(guide: BoardGuide, cameras: tuple[str, ...]) -> str:
     for name in cameras:
         count = guide.pictures.get(name, 0)
         if count:
-            pictures = f"{count} picture{'s' if count > 1 else ''}"
+            pictures = counted(count, "picture")
             rows.append((html_text(name), f"{pictures}, {_row(guide.cells.missing(name))}"))
         else:
             rows.append(

@@ -74,7 +74,9 @@
     if (!isNumber(field)) return field.value;
     const boxes = [...rowOf(field).querySelectorAll("input")].filter((one) => isText(one) && isNumber(one));
     const numbers = boxes.map((box) => (box.value.trim() ? Number(box.value) : NaN));
-    return !numbers.every(Number.isFinite) ? undefined : numbers.length > 1 ? numbers : numbers[0];
+    // An empty box beside it stays so: a centre is typed one box after the other.
+    const isWhole = boxes.every((box, at) => Number.isFinite(numbers[at]) || (box !== field && !box.value.trim()));
+    return !isWhole ? undefined : numbers.length > 1 ? numbers : numbers[0];
   };
 
   const send = (uuid, left) => {

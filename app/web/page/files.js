@@ -41,7 +41,7 @@
   const fields = [...dialog.querySelectorAll("[data-field]")], main = find(".question .main");
   const element = (name, text) => { const made = document.createElement(name); made.textContent = text; return made; };
 
-  let files = [], leftOut = 0, upload = null, importing = false, seen = 0, asked = 0, answered = {}, refused = false;
+  let files = [], leftOut = 0, upload = null, importing = false, seen = 0, asked = 0, answered = {}, refused = false, asking = "";
 
   const open = () => {
     if (!dialog.open) { say(""); dialog.showModal(); }
@@ -145,6 +145,7 @@
       facts.append(element("h3", title), found);
     }
     answered = message.fields;
+    asking = message.file;
     refused = message.refused;
     for (const field of fields) field.value = answered[field.dataset.field] || "";
     offer();
@@ -161,7 +162,8 @@
 
   const send = (file) => {
     say("");
-    if (upload || importing || !question.hidden) return say("A file is being opened already; wait for it, or cancel it.");
+    if (!question.hidden) return say(`${asking} waits for your answer: import or cancel it first. ${file.name} was not opened.`);
+    if (upload || importing) return say("A file is being opened already; wait for it, or cancel it.");
     if (file.size > MOST_BYTES)
       return say(`${file.name} has ${Math.ceil(file.size / 1e6)} MB, and up to 200 MB can be sent. Put it into the server's folder of recordings instead.`);
     const mine = (upload = rallyscope.upload(file, "recording", {

@@ -112,6 +112,22 @@ def a_name_that_cannot_be_is_refused(window: Window, mode) -> None:
         assert mode._editor.labelling.view.annotator == before and is_page_typed_to(window)
 
 
+def a_ball_is_typed_box_after_box(window: Window, mode, t_us: int) -> None:
+    """The boxes are empty without a label, and no label is placed before all three are filled."""
+    window.seek(t_us)
+    eventually(lambda: mode._editor.labelling.t_us == t_us and window.stands_in_label(), "the time without a label")
+    row = window.page.locator("label", has_text="Centre [px]").locator("xpath=ancestor::*[.//input][1]")
+    across, down, radius = row.locator("input").nth(0), row.locator("input").nth(1), window.field("Radius [px]")
+    for box, text in ((radius, "5"), (across, "100"), (down, "50")):
+        eventually(lambda box=box: box.input_value() == "", "an empty box")
+        assert label_at(mode, t_us) is None
+        box.click()
+        type_fast(window, text, "Enter")
+    eventually(lambda: label_at(mode, t_us), "the label")
+    label = label_at(mode, t_us)
+    assert (label.x_px, label.y_px, label.r_px) == (100.0, 50.0, 5.0)
+
+
 def a_time_gives_the_keyboard_back(window: Window, mode, text: str, t_us: int, shown: str) -> None:
     field = window.page.get_by_label("Time", exact=True)
     field.click()
@@ -149,6 +165,7 @@ def test_what_is_typed_counts_whole_and_the_keyboard_comes_back(open_window, lab
             if not delay_ms:
                 a_field_that_comes_late_has_the_keyboard(window)
                 a_name_that_cannot_be_is_refused(window, mode)
+                a_ball_is_typed_box_after_box(window, mode, 150_000)
                 a_time_gives_the_keyboard_back(window, mode, "200000", 200_000, "0:00:00.200")
                 a_time_gives_the_keyboard_back(window, mode, "0:00:00.250", 250_000, "0:00:00.250")
                 what_is_no_time_is_refused_and_escape_leaves(window, mode)

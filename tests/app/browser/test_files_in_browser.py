@@ -36,6 +36,9 @@ def a_file_that_is_dropped_is_sent_imported_described_and_open(window, workspace
     dialog.get_by_role("row", name="sensor").get_by_text("64x48, as given").wait_for()
     assert dialog.get_by_label("Width").input_value() == "64" and dialog.get_by_role("button", name="Import").count()
     window.screenshot("file-checked")
+    drop(window, "another.npz", (tmp_path / "x.npz").read_bytes())
+    dialog.get_by_text("waits for your answer: import or cancel it first. another.npz was not opened.").wait_for()
+    assert dialog.get_by_label("Width").input_value() == "64", "what was filled in stays"
     dialog.get_by_role("button", name="Cancel").click()
     dialog.get_by_role("list", name="Files of the server").wait_for()
     eventually(lambda: not list(workspace.recordings.glob(f"{PREFIX}*")), "what was sent to be gone")

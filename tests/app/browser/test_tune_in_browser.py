@@ -413,7 +413,7 @@ def methods_are_compared_over_the_recording_and_a_click_on_a_miss_jumps_there(tu
         tune.screenshot(f"compare-agreement-{reference}")
         if reference == "refined":
             tune.press("missed")
-            tune.page.get_by_text(re.compile(r"No misses at \d+ times, if refined is right")).wait_for()
+            tune.page.get_by_text(re.compile(r"No misses at [\d,]+ times, if refined is right")).wait_for()
             assert misses.count() == 0
             tune.screenshot("compare-no-misses")
     tune.field("Show the result").click()

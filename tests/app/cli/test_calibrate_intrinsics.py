@@ -65,7 +65,7 @@ def test_a_folder_of_pictures_gives_the_lens_and_a_report(folder: Path, capsys) 
     assert 0.4 < min(figures["cover"]["distances_m"]) < max(figures["cover"]["distances_m"]) < 0.62
     assert main(arguments) == 0
     text = capsys.readouterr().out
-    assert "14 pictures, rms" in text and "no whole board in 1 pictures: 99.png" in text and "fx 3" in text
+    assert "14 pictures, rms" in text and "no whole board in 1 picture: 99.png" in text and "fx 3" in text
     assert "the board was in " in text and "\nmissing: " in text
 
 

@@ -86,7 +86,7 @@ def test_an_import_keeps_what_is_there_and_is_one_step_of_undo(
     table.write_text(f"t_us,state,x_px,y_px\n{MIDDLE_US},visible,1,1\n7,visible,2,2\n8,visible,x,2\n")
     code, out, _ = call(capsys, "import", table, *common(recording, data), "--annotator", "anna", "--format", "csv")
     assert code == 0
-    assert out.splitlines()[0] == "1 labels imported for 'anna', 1 were there already, 1 rejected"
+    assert out.splitlines()[0] == "1 label imported for 'anna', 1 were there already, 1 rejected"
     assert out.splitlines()[1].startswith(f"{table}:4: ")
     with LabelStore.open(data / "labels", UUID, "left", "anna") as store:
         assert len(store.labels()) == 10
@@ -283,17 +283,17 @@ def test_a_conflict_that_was_settled_is_merged_and_compared_as_it_was_before(
     code, text, _ = call(capsys, "merge", mine, other, "--out", out)
     counts, settled = text.splitlines()
     assert code == 0 and "0 conflicts, 1 label left out" in counts
-    assert settled == "1 conflicts were settled in Label: the label that settles each was taken"
+    assert settled == "1 conflict settled in Label: the label that settles each was taken"
     layers = {layer.annotator: times for layer, times in read_store(out).layers.items()}
     assert MIDDLE_US in layers["bea"] and MIDDLE_US not in layers["anna"] and len(layers["anna"]) == 8
     code, text, _ = call(capsys, "agree", *common(recording, data), "--annotator", "anna", "--with", "bea")
-    assert code == 0 and "1 labels left out: they settle conflicts" in text and "0 common" in text
+    assert code == 0 and "1 label left out: what stood there before" in text and "0 common" in text
     with LabelStore.open(data / "labels", UUID, "left", "bea") as store:
         store.put(Label(t_us=int(MIDDLE_US) + 1, state=LabelState.NO_BALL))
     with LabelStore.open(data / "labels", UUID, "left", "anna") as store:
         store.put(Label(t_us=int(MIDDLE_US) + 1, state=LabelState.NO_BALL))
     text = call(capsys, "agree", *common(recording, data), "--annotator", "anna", "--with", "bea")[1]
-    assert "agreement cannot be told without the 1 conflicts left out; of the other 1 times 1 the same" in text
+    assert "agreement cannot be told without the 1 conflict left out; of the other 1 time 1 the same" in text
     for name in ("anna", "bea"):
         with LabelStore.open(data / "labels", UUID, "left", name) as store:
             store.delete(int(MIDDLE_US) + 1)

@@ -234,7 +234,9 @@ def test_what_is_assumed_is_shown_and_nothing_is_written_before_the_person_agree
     assert page.state["state"] == "question" and not [name for name in left_in(services) if name.endswith(".h5")]
     page.take(write_csv(received(services, "other.csv")))
     refused = first_problem(page)
-    assert "already" in str(refused["problem"]) and refused["state"] == page.state["state"] == "question"
+    problem = str(refused["problem"])
+    assert "waits for your answer" in problem and problem.endswith("other.csv was not opened."), problem
+    assert refused["state"] == page.state["state"] == "question"
     number = page.state["number"]
     page.ask(do="cancel")
     page.run_until(lambda: not left_in(services))

@@ -28,6 +28,12 @@ def test_where_a_recording_came_from_is_no_fault(tmp_path: Path) -> None:
     assert theme.BAD not in line and theme.MUTED in line
 
 
+def test_a_camera_without_events_is_a_problem() -> None:
+    silent = Health(0, 1_000_000, 0.0, 0.0, np.nan, np.zeros((0, 2), np.int64), ())
+    said = health_html(RecordingInfo("demo", {}, {"left": silent}, {"left": HD}, ()))
+    assert "left: no events in the whole recording" in said and "no problems found" not in said
+
+
 HD = 1280 * 720
 
 

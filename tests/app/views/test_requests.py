@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.modes.tune.results_panel import candidate_at, candidates_html
+from app.modes.tune.candidates import candidate_at, candidates_html
 from app.pictures.canvas import Canvas, Region
 from app.pictures.palette import PaletteIndex
 from app.state.client_state import Overlay, RenderSettings, TuneView
@@ -79,7 +79,7 @@ def test_a_zoomed_view_without_a_ball_says_how_many_events_it_does_not_show(stre
     sheet, (answer,) = render_tune(request(stream, TOO_LARGE, corner))
     assert answer.detection is None
     (caption,) = (text.text for text in sheet.texts if "config A" in text.text)
-    events, shown = map(int, re.findall(r"(\d+) (?:events|in view)", caption))
+    events, shown = (int(count.replace(",", "")) for count in re.findall(r"([\d,]+) (?:events|in view)", caption))
     assert shown < events == len(answer.window.events) and caption.endswith("Zoom 1 shows all")
     whole, _ = render_tune(replace(request(stream, TOO_LARGE), view=replace(ZOOMED, zoom=1.0)))
     assert not any("in view" in text.text for text in whole.texts)
@@ -126,7 +126,7 @@ def test_a_click_on_a_cluster_brings_its_row_to_the_top(lost: MethodTrace) -> No
     at_px = (float(smallest.x_px[0]) + 1.0, float(smallest.y_px[0]) - 1.0)
     assert candidate_at(lost, at_px) == smallest.label
     assert candidate_at(lost, (-100.0, -100.0)) is None and candidate_at(lost, None) is None
-    table = candidates_html("", lost, smallest.label)
+    table = candidates_html(lost, smallest.label)
     first = table.split("<tr")[2]
     cells = [cell.split(">")[1].split("<")[0] for cell in first.split("<td")]
     assert cells[2] == str(smallest.label) and cells[4] == f"{smallest.order:.0f}" and "background" in first
@@ -134,7 +134,7 @@ def test_a_click_on_a_cluster_brings_its_row_to_the_top(lost: MethodTrace) -> No
 
 
 def test_a_verdict_links_to_the_slider_of_its_limit(lost: MethodTrace) -> None:
-    assert "href='#setting-localise-radius-max-px'" in candidates_html("", lost)
+    assert "href='#setting-localise-radius-max-px'" in candidates_html(lost)
 
 
 @pytest.mark.parametrize("method", ["refined", "ebpp", "fe-fusion"])
@@ -154,6 +154,6 @@ def test_a_fit_of_the_default_method_has_a_link_for_each_failed_limit_and_its_re
     wanted = replace(request(stream, config), view=replace(ZOOMED, method="refined", overlay="fit"))
     _, (answer,) = render_tune(wanted)
     assert answer.detection is None and answer.trace is not None and answer.trace.reasons
-    table = candidates_html("", answer.trace)
+    table = candidates_html(answer.trace)
     assert "href='#setting-refined-points-min'" in table and "edge points" in table
     assert "<svg" in table and table.count("<circle") > 20

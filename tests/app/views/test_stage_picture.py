@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.modes.tune.results_panel import verdict_html
+from app.modes.tune.candidates import verdict_html
 from app.pictures.canvas import Canvas, Region
 from app.pictures.palette import PaletteIndex
 from app.state.client_state import RenderSettings, TuneView

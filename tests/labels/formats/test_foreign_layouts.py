@@ -274,7 +274,7 @@ CVAT = [
          ("several pictures have this name",)),
     Case("a video", "cvat", {"annotations.xml": video(box(1, 640) + box(2, 650, keyframe=0) + box(3, 660)
          + box(4, 660, outside=1))}, [AT, (20_000, V, 649.5, 179.5), (30_000, V, 659.5, 179.5)],
-         ("1 entries say that the object is outside",)),
+         ("1 shape of an object that is outside",)),
     Case("outside, in a picture", "cvat", {"annotations.xml": cvat(CVAT_BALL.replace('occluded="0"', 'outside="1"'))},
          [], ("outside of the picture, or hidden",), flags=("--empty-pictures", "no-ball")),
     Case("a video, occluded", "cvat", {"annotations.xml": video(box(1, 640, occluded=1))}, [(10_000, P, 639.5, 179.5)]),

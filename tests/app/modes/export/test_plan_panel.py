@@ -1,7 +1,9 @@
 """What is said of an export before it is made."""
 
 from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from app.export.exporter import ExportState
@@ -11,16 +13,22 @@ from app.modes.export.plan_panel import (
     NOBODY,
     UNCHOSEN,
     VIEW_FILM,
+    VIEW_PICTURE,
     ExportPlan,
     ViewChoices,
     labels_left_out,
     made_with_html,
     part_around,
+    part_of,
     parts_of,
     usual_annotator,
 )
 from core.detection import DetectorConfig, refined_config
 from core.detection.saved import SavedDetector
+from core.errors import CommandError
+from core.events import Events, SensorSize
+from core.recordings import open_recording
+from core.recordings.writer import RecordingWriter
 
 PLAN = ExportPlan(
     what="Recording", run=None, format="rrd", start_us=0, end_us=1, stride_us=4000, pictures=True, stages=True,
@@ -28,6 +36,26 @@ PLAN = ExportPlan(
 )  # fmt: skip
 PLAIN = SavedDetector("refined", refined_config())
 CHANGED = SavedDetector("refined", DetectorConfig())
+ON = np.ones(2, np.bool_)
+
+
+def test_a_part_that_there_is_not_is_refused_in_the_words_of_its_fields(tmp_path: Path) -> None:
+    sensor = SensorSize(64, 48)
+    with RecordingWriter(tmp_path / "short.h5", {"left": sensor}, seed=1) as writer:
+        writer.append("left", Events(np.array([0, 599_999]), np.ones(2, np.uint16), np.ones(2, np.uint16), ON, sensor))
+    with open_recording(tmp_path / "short.h5") as recording:
+        odd = replace(PLAN, start_us=500_000, end_us=100_000)
+        with pytest.raises(CommandError, match=r"Part: .* expected From before To, .* 0\.6 s, got 0\.5 to 0\.1 s"):
+            part_of(recording, odd)
+        whole = part_of(recording, replace(odd, format=VIEW_PICTURE))
+        assert (whole.start_us, whole.end_us) == (0, 600_000), "a picture has no part"
+
+
+def test_nothing_is_exported_of_an_empty_recording(tmp_path: Path) -> None:
+    with RecordingWriter(tmp_path / "empty.h5", {"left": SensorSize(64, 48)}, seed=1):
+        pass
+    with open_recording(tmp_path / "empty.h5") as recording, pytest.raises(CommandError, match="is empty"):
+        part_of(recording, replace(PLAN, start_us=0, end_us=0))
 
 
 def test_a_computed_export_says_whether_the_config_was_changed() -> None:

@@ -275,7 +275,7 @@ def test_what_only_the_other_has_is_taken_over_as_it_is_and_given_back_in_one_st
     desk.wait(lambda: not len(desk.found.only_theirs_us))
     label = desk.on_disk().at(50_000)
     assert (label.x_px, label.provenance.annotator, label.provenance.source) == (70.0, "bea", PositionSource.BY_HAND)
-    assert desk.notes[-1].title == "Taken over" and "1 labels" in desk.notes[-1].text
+    assert desk.notes[-1].title == "Taken over" and "1 label of" in desk.notes[-1].text
     desk.press("take_missing")
     assert desk.notes[-1].title == "Nothing to take over"
     desk.press("undo")

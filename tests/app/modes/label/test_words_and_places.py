@@ -77,7 +77,7 @@ def test_a_circle_drawn_where_no_proposal_was_shown_is_by_hand(bench: Bench) -> 
 @pytest.mark.parametrize(
     ("checked", "share", "text", "open_ends"),
     [
-        (Checked(1625, 0, 0), 0.66, "Nothing suspicious so far; 1625 times unchecked, proposals 66 % done.", True),
+        (Checked(1625, 0, 0), 0.66, "Nothing suspicious so far; 1,625 times unchecked, proposals 66 % done.", True),
         (Checked(1625, 1624, 9), None, "Nothing suspicious so far; 1 time unchecked.", True),
         (Checked(3, 3, 3), 0.5, "Nothing suspicious so far; proposals 50 % done.", True),
         (Checked(3, 3, 3), None, "No label or proposal looks wrong.", False),

@@ -1,8 +1,11 @@
 """What a slider's box may send while somebody types into it."""
 
+from dataclasses import replace
+
 import pytest
 
-from app.modes.tune.settings import REST_S, DebouncedEdit, is_half_typed
+from app.modes.tune.settings import FOLLOW, FOLLOWING, NO_BALL, REST_S, WHOLE, DebouncedEdit, follow_text, is_half_typed
+from app.state.client_state import ClientState, Configs, History, Playhead
 from app.state.commands import EditSetting
 from core.config import field_specs, replace_setting
 from core.detection import DetectorConfig
@@ -41,3 +44,20 @@ def test_what_stays_refused_is_judged_once_and_anew_after_more_was_typed() -> No
     assert held.rested(10.0 + REST_S) is None  # the time runs anew
     assert held.rested(10.0 + 2 * REST_S) == even
     assert held.rested(20.0) is None and held.edit is None
+
+
+@pytest.mark.parametrize(
+    ("zoom", "centre_px", "found", "text"),
+    [
+        (1.0, None, False, WHOLE),
+        (6.0, (9.0, 9.0), True, FOLLOW),
+        (6.0, (9.0, 9.0), False, FOLLOW),
+        (6.0, None, True, FOLLOWING),
+        (6.0, None, False, NO_BALL),
+    ],
+)
+def test_a_ball_is_followed_only_where_one_is_found(zoom, centre_px, found: bool, text: str) -> None:
+    configs = History(Configs(DetectorConfig(), DetectorConfig()))
+    state = ClientState("demo", ("left",), "left", Playhead(1_000_000), configs)
+    state = replace(state, tune=replace(state.tune, zoom=zoom, centre_px=centre_px))
+    assert follow_text(state, found=found) == text

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.modes.tune.results_panel import candidates_html, side_by_side_html
+from app.modes.tune.candidates import ComparedTrace, candidates_html, compared_html, side_by_side_html
 from app.modes.tune.settings import count_html
 from core.detection.method_trace import CandidateRow, MethodTrace, StageCount, View
 from core.detection.reasons import Reason
@@ -27,27 +27,27 @@ def make_trace(rows: int) -> MethodTrace:
 
 @pytest.mark.parametrize(("rows", "tables"), [(0, 0), (2, 1)])
 def test_a_table_has_a_head_only_above_rows(rows: int, tables: int) -> None:
-    html = candidates_html("", make_trace(rows))
+    html = candidates_html(make_trace(rows))
     assert html.count("<th") == tables * 4 and html.count("<table") == tables
     assert f"{rows} fits" in html
 
 
 def test_figures_have_a_gap_and_stay_on_one_line() -> None:
-    html = candidates_html("", make_trace(1))
+    html = candidates_html(make_trace(1))
     cells = re.findall(r"<t[dh] style='([^']*)'", html)
     assert cells and all("padding:0 10px 0 0" in style and "white-space:nowrap" in style for style in cells)
 
 
 def test_the_verdict_stands_before_the_figures() -> None:
-    html = candidates_html("", make_trace(1))
+    html = candidates_html(make_trace(1))
     assert html.index("verdict") < html.index("points") and html.rindex(">ball<") < html.index(">7<")
 
 
-def rejected_html(reasons: int, name: str = "") -> str:
+def rejected_html(reasons: int) -> str:
     reason = Reason("coverage of one edge 0.125 < 0.25", "edge coverage min")
     trace = make_trace(1)
     row = replace(trace.candidates[0], reasons=(reason,) * reasons)
-    return candidates_html(name, replace(trace, candidates=(row,)))
+    return candidates_html(replace(trace, candidates=(row,)))
 
 
 def test_many_reasons_stand_below_the_figures_and_leave_the_columns_in_sight() -> None:
@@ -55,7 +55,19 @@ def test_many_reasons_stand_below_the_figures_and_leave_the_columns_in_sight() -
     assert one.count("<tr") == 2 and "colspan" not in one
     assert many.count("<tr") == 3 and many.count("<a href") == 6
     assert many.index(">no ball<") < many.index(">7<") < many.index("colspan='3'") < many.index("<a href")
-    assert "max-width" not in many and "max-width" in rejected_html(6, "Config A"), "the half of a panel is narrow"
+
+
+def test_two_configs_share_a_table_whose_rows_alternate_and_need_no_second_width() -> None:
+    html = compared_html([ComparedTrace("Config A", make_trace(2)), ComparedTrace("Config B", make_trace(1))])
+    assert html.count("<table") == 1 and html.count(">config</th>") == 1
+    assert re.findall(r"<tr><td style='[^']*'>(\w)</td>", html) == ["A", "B", "A"]
+    assert html.index("Config A:") < html.index("Config B:") < html.index("<table")
+    assert (
+        compared_html([ComparedTrace("Config A", make_trace(0)), ComparedTrace("Config B", make_trace(0))]).count(
+            "no ball"
+        )
+        == 2
+    ), "without candidates each still says what it answers"
 
 
 def test_two_answers_stand_side_by_side_and_do_not_overlap_where_they_wrap() -> None:
@@ -64,7 +76,7 @@ def test_two_answers_stand_side_by_side_and_do_not_overlap_where_they_wrap() -> 
 
 
 def test_a_single_candidate_is_a_row_and_needs_no_count() -> None:
-    html = candidates_html("", make_trace(1))
+    html = candidates_html(make_trace(1))
     assert "1 fit" not in html and "<th" in html
 
 
