@@ -41,6 +41,8 @@ TIME_FACTORS: Final = (1e-3, 1e-6, 1e-9, 1e3, 1e6)
 PLACE_FACTORS: Final = (1e-3, 1e-2, 1e2, 1e3)
 """What a wrong unit multiplies by."""
 NAMES: Final = {1.0: "", 1e-2: "c", 1e-3: "m", 1e-6: "u", 1e-9: "n"}
+INCH_M: Final = 0.0254
+GRAVITY_MPS2: Final = 9.81
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +78,8 @@ class Units:
     place_m: float
 
     def __str__(self) -> str:
-        return f"times in {NAMES[self.time_s]}s and places in {NAMES[self.place_m]}m"
+        place = "inches" if self.place_m == INCH_M else f"{NAMES[self.place_m]}m"
+        return f"times in {NAMES[self.time_s]}s and places in {place}"
 
 
 def measure_motion(t_s: Array, ps_m: Array) -> Motion | None:
@@ -152,7 +155,10 @@ def allowed_odd(rows: int) -> int:
 
 
 def find_units(table: Array, time_s: float | None, place_m: float | None) -> list[Units]:
-    """The units in which rows (N, 4) of time and place fly as a ball does; those that are known are kept."""
+    """The units in which rows (N, 4) of time and place fly as a ball does; those that are known are kept.
+
+    Inches are among them where places in centimetres would fall farther off gravity than in inches.
+    """
     found: list[Units] = []
     for time in TIME_UNITS if time_s is None else (time_s,):
         for place in PLACE_UNITS if place_m is None else (place_m,):
@@ -165,6 +171,9 @@ def find_units(table: Array, time_s: float | None, place_m: float | None) -> lis
                 continue
             if LIKELY_MPS[0] <= motion.speed_mps <= LIKELY_MPS[1]:
                 found.append(Units(time, place))
+                # 3.9 m/s2 in cm is gravity in inches; both are in the wide range that spin needs.
+                if place == 1e-2 and place_m is None and motion.fall_mps2**2 * INCH_M / place < GRAVITY_MPS2**2:
+                    found.append(Units(time, INCH_M))
     return found
 
 
