@@ -29,6 +29,9 @@ TURN_MPS: Final = 1.0
 """Speed downwards before, and upwards after a bounce."""
 ABOVE_TABLE_M: Final = 0.2
 """Height at a bounce that no error of a calibration makes of the ball's radius."""
+LONGEST_PAUSE_S: Final = 0.05
+SHORTEST_FLIGHT_S: Final = 0.2
+"""In a quarter of it, errors of 1 mm at 500 Hz make 2 m/s2 of acceleration."""
 NEIGHBOURS: Final = 3
 """Points before and after one from which it has to be reachable. Chosen by hand; not measured."""
 JITTER_M: Final = 0.5
@@ -119,6 +122,18 @@ def _slope(t_s: Array, ps_m: Array) -> Array:
     """Velocity (3,) of the straight line through points."""
     t = t_s - t_s.mean()
     return t @ ps_m / (t @ t)
+
+
+def fall_of_flights(t_s: Array, ps_m: Array) -> float | None:
+    """Median downward acceleration, m/s2, of all flights in points (N, 3) at ascending times (N,); None for none.
+
+    A flight ends where no point comes for `LONGEST_PAUSE_S`; short ones are passed over.
+    """
+    pauses = np.flatnonzero(np.diff(t_s) > LONGEST_PAUSE_S) + 1
+    flights = [part for part in np.split(np.arange(len(t_s)), pauses) if len(part)]
+    lasting = [part for part in flights if t_s[part[-1]] - t_s[part[0]] > SHORTEST_FLIGHT_S]
+    falls = [fall for part in lasting if (fall := _fall(t_s[part], ps_m[part, 2])) is not None]
+    return float(np.median(falls)) if falls else None
 
 
 def _fall(t_s: Array, z_m: Array) -> float | None:
