@@ -11,6 +11,8 @@ from typing import Final, Literal
 
 UNITS_US: Final = {"ns": 1e-3, "us": 1.0, "ms": 1e3, "s": 1e6}
 """Unit of time -> microseconds."""
+UNIT_KEYS: Final = ("unit", "units", "time_unit", "time_units", "t_unit", "timestamp_unit", "timestamps_unit")
+"""Attributes, and arrays of one word, that state the unit of times."""
 UNIT_NAMES: Final = {"ns": "nanoseconds", "us": "microseconds", "ms": "milliseconds", "s": "seconds"}
 Unit = Literal["m", "mm", "cm"]
 METRES: Final[dict[str, float]] = {"m": 1.0, "mm": 1e-3, "cm": 1e-2}

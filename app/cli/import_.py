@@ -8,7 +8,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final
 
 from app.cli.arguments import Counts, Names, PositiveInt, flag, positional, separated
 from app.cli.progress import progress_bar
@@ -19,7 +19,7 @@ from core.cameras.distortion import COEFFICIENTS, LensModel
 from core.errors import CommandError, EventsError, RecordingError
 from core.events import SensorSize
 from core.events.clock_table import read_clock_table
-from core.foreign_tables import METRES, Unit
+from core.foreign_tables import METRES, UNITS_US, Unit
 from core.recordings.frame_import import FrameInput
 from core.recordings.import_facts import ImportFacts
 from core.recordings.import_feeds import ImportOrder
@@ -37,8 +37,15 @@ def _polarities(text: str) -> dict[str, bool]:
         raise argparse.ArgumentTypeError(error.details) from error
 
 
+def _time_unit(text: str) -> str:
+    if text not in UNITS_US:
+        raise ValueError
+    return text
+
+
 _RECORDINGS: Final = (".h5", ".hdf5")
 Offsets = Annotated[tuple[int, ...], separated(int, "whole numbers")]
+TimeUnits = Annotated[tuple[str, ...], separated(_time_unit, "units of time (ns, us, ms, s)")]
 Polarities = Annotated[dict[str, bool], _polarities]
 
 
@@ -72,7 +79,9 @@ class ImportArguments:
     )
     width: Counts | None = flag("sensor width, overrides what the file says; or one for each source", "W[,W...]")
     height: Counts | None = flag("sensor height, likewise", "H[,H...]")
-    time_unit: Literal["ns", "us", "ms", "s"] | None = flag("unit of the times of a table that does not say it")
+    time_unit: TimeUnits | None = flag(
+        "unit of the times of a table that does not say it; or one for each source: ns,us", "ns|us|ms|s[,...]"
+    )
     polarity: Polarities | None = flag("what the polarities of a table mean", "1=on,2=off")
     frames: Path | None = flag("pictures of an ordinary camera", "VIDEO|FOLDER")
     frame_times: Path | None = flag("a time in us on SRC's clock for each picture", "CSV")
@@ -113,6 +122,7 @@ def _order(arguments: ImportArguments, sources: Sequence[Path]) -> ImportOrder:
         calibration = read_calibration_file(
             arguments.calibration, unit=arguments.calibration_unit, model=arguments.calibration_model
         )
+    units = arguments.time_unit or ()
     return ImportOrder(
         sources,
         names=arguments.names,
@@ -120,7 +130,8 @@ def _order(arguments: ImportArguments, sources: Sequence[Path]) -> ImportOrder:
         calibration={} if calibration is None else calibration.cameras,
         offset_us=_one_or_all(arguments.offset_us),
         clock=[read_clock_table(path) for path in arguments.clock or ()],
-        options=ImportOptions(arguments.time_unit, arguments.polarity),
+        options=ImportOptions(units[0] if len(units) == 1 else None, arguments.polarity),
+        time_units=units if len(units) > 1 else (),
         frames=_frames(arguments.frames, arguments.frame_times, arguments.exposure_us),
         remarks=() if calibration is None else calibration.notes,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,14 +19,16 @@ from app.cli.files import csv_text
 from app.cli.tabulate import RecordingTable, Summary, tabulate
 from app.cli.terminal import say
 from app.shared.frame_detector import frame_detector
+from core.cameras import Camera
 from core.chain import ChainConfig
 from core.chain.calibration_drift import DriftReport
 from core.chain.config import PREDICTIONS, PredictionName, chain_with_constants, with_prediction
-from core.chain.follow import Track, follow_recording, frame_cameras, true_positions
+from core.chain.follow import Track, calibrated_cameras, follow_recording, frame_cameras, true_positions
 from core.detection import DetectorConfig
 from core.detection.methods import Method
 from core.jobs import TaskControl
 from core.physics.constants_file import FittedConstants
+from core.physics.flight_motion import FALLS_MPS2, fall_of_flights
 from core.recordings import BallTruth, open_recording
 from core.text import counted
 
@@ -88,6 +91,7 @@ class TrackRecording:
             track = follow_recording(recording, config, self.window_us, frame_detector=make, progress=control)
             truth, frames = recording.ball, () if make is None else tuple(frame_cameras(recording))
             names = (*recording.cameras, *frames)
+            cameras = calibrated_cameras(recording)
         summary: Summary = {
             "method": self.method,
             "window_us": self.window_us,
@@ -102,7 +106,7 @@ class TrackRecording:
             "error_mm": _errors_mm(track, truth),
             "step_ms": _statistics(1e3 * track.step_s),
             "calibration": _calibration(track.drift),
-            "notes": odd_rays(track),
+            "notes": [*odd_rays(track), *odd_fall(track, cameras)],
         }
         return RecordingTable(_text(track), summary)
 
@@ -128,6 +132,18 @@ def odd_rays(track: Track) -> list[str]:
     if points >= FEWEST_SEEN and residual_px > LARGEST_RESIDUAL_PX:
         return [f"the rays of the cameras miss each other by {residual_px:.2g} px (median): {causes}"]
     return []
+
+
+def odd_fall(track: Track, cameras: Mapping[str, Camera]) -> list[str]:
+    """A line if the ball falls upwards in a world that is not just a camera's frame."""
+    if any(np.array_equal(camera.T_world_camera, np.eye(4)) for camera in cameras.values()):
+        return []
+    fall_mps2 = fall_of_flights(1e-6 * track.t_us.astype(np.float64), track.ps_world_m)
+    if fall_mps2 is None or not FALLS_MPS2[0] <= -fall_mps2 <= FALLS_MPS2[1]:
+        return []
+    # Pictures of both cameras counted from the bottom meet as well as others where the cameras stand level.
+    text = "does the calibration count rows from the bottom of the picture, or does its z point down?"
+    return [f"the ball falls upwards, with {-fall_mps2:.2g} m/s2: {text}"]
 
 
 def _say(summary: Summary) -> None:

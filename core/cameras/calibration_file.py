@@ -42,12 +42,14 @@ from core.cameras.kalibr import (
 from core.cameras.lens_names import find_lens
 from core.cameras.opencv_yaml import (
     OpenCVLoader,
+    cameras_from_nested,
     cameras_from_opencv,
+    nested_cameras,
     read_camera_matrix,
     read_pose,
     tree_from_xml,
 )
-from core.cameras.plausible import check_lenses, odd_lenses, odd_poses
+from core.cameras.plausible import check_lenses, check_rows_downwards, odd_lenses, odd_poses
 from core.cameras.slam_files import camera_from_camodocal, looks_like_camodocal, tree_from_ros_ini
 from core.cameras.units import check_board_unit, check_lengths, in_metres, stated_unit
 from core.errors import CalibrationError
@@ -95,6 +97,7 @@ def read_calibration_file(path: Path, *, unit: Unit = "m", model: LensModel | No
     text = _read_text(path)
     notes: list[str] = []
     tree = _parse(text, path, notes)
+    check_rows_downwards(tree)
     unit = stated_unit(tree, unit)
     cameras = _cameras_from_tree(tree, str(path), notes, model, unit)
     if not cameras:
@@ -148,6 +151,8 @@ def _cameras_from_tree(
         return cameras_from_world_poses(tree, notes, model)
     if isinstance(tree.values.get("intrinsics"), list) and "resolution" in tree.values:
         return camera_from_euroc(tree, notes, model)
+    if nodes := nested_cameras(tree):
+        return cameras_from_nested(tree, nodes, notes, model)
     return cameras_from_opencv(tree, where, notes, model)
 
 

@@ -6,7 +6,8 @@ Only what a camera needs is looked at: image points, errors, flags and whatever 
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
+from dataclasses import replace
 from typing import Final
 from xml.etree.ElementTree import Element, ParseError
 
@@ -69,6 +70,7 @@ RIGHT_DISTORTION: Final = (
     "distCoeffsR",
     "dist_r",
 )
+_RECTIFIED: Final = (("R", (3, 3)), ("P", (3, 4)))
 BROKEN_VALUE: Final = (yaml.YAMLError, ValueError, LookupError, AttributeError, TypeError)
 ROUGH: Final = 1e-3
 """A rotation that was written with few digits is made whole; one that is farther off is none."""
@@ -190,6 +192,65 @@ def cameras_from_opencv(
         "left": reader.camera(LEFT_K, LEFT_DISTORTION, T_world_left),
         "right": reader.camera(RIGHT_K, RIGHT_DISTORTION, T_world_left @ invert_transform(T_right_left)),
     }
+
+
+def nested_cameras(tree: CalibrationNode) -> dict[str, CalibrationNode]:
+    """The tables of two cameras or more that stand side by side, as messages of ROS in JSON do; none if there are not.
+
+    A name is what tells it from the others: "cam0" for "/cam0/camera_info". R and T of a pair go from left to right,
+    so that right never comes first.
+    """
+    if tree.find(*SINGLE_K, *LEFT_K, *RIGHT_K) is not None:
+        return {}
+    below = {key: value for key, value in tree.values.items() if isinstance(value, dict)}
+    nodes = {key: CalibrationNode.of(value, f"{tree.where}: {key}") for key, value in below.items()}
+    keys = sorted(nodes, key=lambda key: "right" in key.lower())
+    nodes = {key: nodes[key] for key in keys if nodes[key].find(*SINGLE_K) and nodes[key].find(*WIDTHS, *SIZES)}
+    names = [key.strip("/").removesuffix("/camera_info").replace("/", "_") for key in nodes]
+    return dict(zip(names, nodes.values(), strict=True)) if len({*names}) == len(names) > 1 else {}
+
+
+def cameras_from_nested(
+    tree: CalibrationNode, nodes: dict[str, CalibrationNode], notes: list[str], asked: LensModel | None = None
+) -> dict[str, Camera]:
+    """Cameras in tables of their own; two of them are posed by R and T beside them, or by ROS's R and P of the pair.
+
+    What was taken for granted is added to `notes`.
+
+    Raises:
+        CalibrationError: if a key is missing, or nothing says how the cameras stand to each other.
+    """
+    cameras = {name: cameras_from_opencv(node, node.where, notes, asked)["camera"] for name, node in nodes.items()}
+    T_first_second = None
+    if len(nodes) == 2 and {"R", "T"} <= tree.values.keys():
+        T = rigid(read_matrix(tree, "R", (3, 3)), read_matrix(tree, "T", (3,)), f"{tree.where}: R, T")
+        T_first_second = invert_transform(T)
+    elif len(nodes) == 2 and all({"R", "P"} <= node.values.keys() for node in nodes.values()):
+        Rs, Ps = ([read_matrix(one, key, shape) for one in nodes.values()] for key, shape in _RECTIFIED)
+        T_first_second = pose_of_rectified(Rs, Ps)
+        if T_first_second is not None:
+            notes.append("The poses of the cameras are those of their rectification (R and P)")
+    if T_first_second is None:
+        expected = "R and T of a pair beside them, or R and P in them as ROS writes them for a rectified pair"
+        what = f"the file does not say how {', '.join(nodes)} stand to each other"
+        raise CalibrationError(what, expected=expected, where=tree.where)
+    first, second = cameras
+    return {first: cameras[first], second: replace(cameras[second], T_world_camera=T_first_second)}
+
+
+def pose_of_rectified(Rs: Sequence[Array], Ps: Sequence[Array]) -> Array | None:
+    """`T_first_second` (4, 4), m, of two cameras from R (3, 3) and P (3, 4) of each, as stereo calibration in ROS
+    writes them: P of the right one has a shift. None if not exactly one has.
+    """
+    shifts_m = [-P[0, 3] / P[0, 0] if P[0, 0] > 0 else 0.0 for P in Ps]
+    if sum(shift != 0 for shift in shifts_m) != 1:
+        return None
+    R_rectified_first, R_rectified_second = Rs
+    # Seen from the left camera the right one stands at the shift; from the right one the left at the opposite place.
+    return make_transform(
+        R_rectified_first.T @ R_rectified_second,
+        R_rectified_first.T @ np.array([shifts_m[1] - shifts_m[0], 0.0, 0.0]),
+    )
 
 
 def _refuse_cropped(tree: CalibrationNode) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import combinations
@@ -10,6 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from core.cameras.calibration_values import CalibrationNode, short_repr
 from core.cameras.camera import Camera
 from core.cameras.units import LIKELY_M
 from core.errors import CalibrationError
@@ -71,6 +73,21 @@ def check_lenses(cameras: Mapping[str, Camera], where: object) -> None:
                 got=f"none for {100 * share:.0f} % of the picture",
                 where=place,
                 remedy="check the order and the number of its coefficients, and the lens model",
+            )
+
+
+def check_rows_downwards(tree: CalibrationNode) -> None:
+    """Raises CalibrationError if a key of a file says that rows are counted from the bottom of the picture."""
+    for key, value in tree.values.items():
+        plain = re.sub(r"[^a-z]", "", key.lower())
+        upwards = isinstance(value, str) and re.search(r"bottom|lower|\bup", value.lower()) is not None
+        if (plain.endswith(("origin", "yaxis", "ydirection")) and upwards) or (plain == "yup" and value is True):
+            raise CalibrationError(
+                "the rows are counted from the bottom of the picture",
+                expected="row 0 at the top, as cameras count it",
+                got=f"{key}: {short_repr(value)}",
+                where=tree.where,
+                remedy="calibrate with pictures whose row 0 is at the top",
             )
 
 

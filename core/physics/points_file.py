@@ -1,7 +1,8 @@
 """Reading observed points of one flight from a table, and what it was taken for.
 
-Columns t_s (or t_ms, t_us, t_ns), x_m, y_m, z_m (or _mm, _cm) say their units. Names without a unit, such as time, x,
-y, z, are read in those units in which the points fly as a ball does; where several or none do, the file is refused.
+Columns t_s (or t_ms, t_us, t_ns), x_m, y_m, z_m (or _mm, _cm, _in, _ft) say their units. Names without a unit, such as
+time, x, y, z, are read in those units in which the points fly as a ball does; where several or none do, the file is
+refused.
 The columns Timestamp,X,Y,Z are those of tt3d. Times may count from 1970.
 """
 
@@ -24,6 +25,8 @@ from core.foreign_tables import METRES, NO_NUMBER, spelled, split_unit, with_poi
 from core.physics.flight_motion import (
     ABOVE_TABLE_M,
     FEWEST,
+    INCH_M,
+    NAMES,
     SPEEDS_MPS,
     Array,
     Motion,
@@ -44,7 +47,9 @@ SECONDS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 TT3D_COLUMNS: Final = ("Timestamp", "X", "Y", "Z")
 """tt3d: seconds and metres, X along the table's width, Y along its length, Z up, origin on the table's top."""
 TIME_NAMES: Final = "t|time|timestamp|stamp"
-PLACE_NAME: Final = re.compile(r"(?:p|pos|position|ball)?([xyz])(?:world)?(m|mm|cm)?(?:world)?")
+LENGTHS_M: Final = {**METRES, "in": INCH_M, "inch": INCH_M, "inches": INCH_M, "ft": 0.3048, "feet": 0.3048}
+"""Unit of length of a flight -> metres."""
+PLACE_NAME: Final = re.compile(rf"(?:p|pos|position|ball)?([xyz])(?:world)?({'|'.join(LENGTHS_M)})?(?:world)?")
 LARGEST_TIME_S = 1e10
 """Seconds since 1970 are 2e9; milliseconds of that age would be 2e12."""
 LARGEST_PLACE_M = 100.0
@@ -184,7 +189,7 @@ def _columns(header: list[str], path: Path) -> _Columns:
         match = PLACE_NAME.fullmatch(name)
         if match:
             axes.setdefault(match[1], {}).setdefault(match[2], at)
-    common = [unit for unit in (*METRES, None) if all(unit in axes.get(axis, {}) for axis in "xyz")]
+    common = [unit for unit in (*LENGTHS_M, None) if all(unit in axes.get(axis, {}) for axis in "xyz")]
     if time is None or not common:
         got = ",".join(header)[:80] or "an empty file"
         raise PointsFileError("columns are missing", expected=",".join(COLUMNS), got=got, where=f"{path}, row 1")
@@ -192,7 +197,7 @@ def _columns(header: list[str], path: Path) -> _Columns:
     stated = times[time]
     unit = None if stated is None or stated[1] is None else SECONDS[stated[1]]
     names = tuple(header[place] for place in places)
-    return _Columns(places, names, unit, None if common[0] is None else METRES[common[0]], is_tt3d=False)
+    return _Columns(places, names, unit, None if common[0] is None else LENGTHS_M[common[0]], is_tt3d=False)
 
 
 def _numbers(cells: list[tuple[int, list[str]]], columns: _Columns, path: Path, notes: list[str], wide: int) -> _Rows:
@@ -376,7 +381,7 @@ def _scaled(rows: _Rows, columns: _Columns, path: Path, notes: list[str]) -> Poi
 
 
 def _unit_name(size: float, unit: str) -> str:
-    return {1.0: "", 1e-2: "c", 1e-3: "m", 1e-6: "u", 1e-9: "n"}[size] + unit
+    return {INCH_M: "inches", LENGTHS_M["ft"]: "feet"}.get(size) or NAMES[size] + unit
 
 
 def _words(motion: Motion | None, notes: list[str]) -> str:

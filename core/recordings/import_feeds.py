@@ -85,6 +85,8 @@ class ImportOrder:
     clock: Sequence[ClockTable] = ()
     """Where that difference changes: a table for each source after the first, or one for all of them."""
     options: ImportOptions = field(default_factory=ImportOptions)
+    time_units: Sequence[str] = ()
+    """Unit of the times of each source, where they differ; counts more than that of `options`."""
     frames: FrameInput | None = None
     """Pictures of an ordinary camera beside the events."""
     remarks: Sequence[str] = ()
@@ -97,6 +99,7 @@ class ImportOrder:
         # the text that earlier versions hashed: a recording that is imported again keeps its labels
         options = f"Stated(time_unit={given.time_unit!r}, polarity={given.polarity!r})"
         details = sensor + "".join(one.digest for one in self.clock) + ("" if given == ImportOptions() else options)
+        details += ",".join(self.time_units)
         offset = self.offset_us
         if not isinstance(offset, int):  # `0,N` of a pair is N
             offset = offset[1] if len(offset) == 2 and not offset[0] else tuple(offset)
@@ -205,6 +208,10 @@ def open_feeds(order: ImportOrder) -> list[Feed]:
     sizes = [*sensor] if isinstance(sensor, Sequence) else [sensor] * len(paths)
     if len(sizes) != len(paths):
         raise RecordingError("not a sensor size for each source", expected=len(paths), got=len(sizes))
+    units = order.time_units or [order.options.time_unit] * len(paths)
+    if len(units) != len(paths):
+        what, remedy = "not a unit of time for each source", "see --time-unit"
+        raise RecordingError(what, expected=len(paths), got=",".join(map(str, units)), remedy=remedy)
     opened = [(number, source) for number, path in enumerate(paths) for source in open_sources(path, sizes[number])]
     names = _names(paths, opened) if order.names is None else order.names
     if len(names) != len(opened) or len(set(names)) != len(names):
@@ -219,7 +226,7 @@ def open_feeds(order: ImportOrder) -> list[Feed]:
     return [
         Feed(
             name, source, offsets_us[place], weights[place] / max(1, sum(weights)), paths[number].name, clocks[number],
-            DecodeReport(options=order.options),
+            DecodeReport(options=dataclasses.replace(order.options, time_unit=units[number])),
         )
         for place, (name, (number, source)) in enumerate(zip(names, opened, strict=True))
     ]  # fmt: skip
@@ -280,7 +287,8 @@ def common_zero_us(feeds: Sequence[Feed]) -> int:
     firsts = [feed.first_us for feed in feeds if feed.first_us is not None]
     if firsts and max(firsts) - min(firsts) > _UNRELATED_US:
         apart = " and ".join(f"{feed.name} begins at {feed.first_us} us" for feed in feeds)
-        raise RecordingError("the clocks have nothing in common", got=apart, remedy="give --offset-us")
+        remedy = "give --offset-us, or --time-unit with one for each source if their units differ"
+        raise RecordingError("the clocks have nothing in common", got=apart, remedy=remedy)
     return min(firsts, default=0)
 
 
@@ -305,7 +313,7 @@ def refuse_other_unit(feeds: Sequence[Feed]) -> None:
             f"the times of one file are about {longer:,.0f} times those of the other, with about as many events",
             expected="times in the same unit",
             got=got,
-            remedy="name the unit in the heading of the time (t_ns, t_us), or write both in one unit",
+            remedy="give --time-unit with one for each source, such as ns,us, or name it in the heading (t_ns, t_us)",
         )
 
 

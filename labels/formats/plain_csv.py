@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -57,6 +58,10 @@ _FRAMES: Final = ("frame", "frame_id", "frame_number", "frame_index", "frameid")
 _X: Final = ("x", "x_px", "u", "cx", "x_center", "px")
 _Y: Final = ("y", "y_px", "v", "cy", "y_center", "py")
 _RADIUS: Final = ("r", "r_px", "radius", "radius_px")
+_CENTRES: Final = ("cx", "x_center")
+_SIDES: Final = (("w", "h"), ("width", "height"), ("bb_width", "bb_height"), ("box_w", "box_h"))
+_SHORTEST_STEP_US: Final = 100
+"""Nobody labels a ball so often: by then it has moved by no more than a pixel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +98,10 @@ def read_track(
 ) -> None:
     """Add a label for each row with a position."""
     unit = columns.unit or _likely_unit(rows, columns)
+    if columns.unit is None and not columns.frames and _are_too_close(rows, columns, unit):
+        what = f"the unit of the times cannot be told: as {unit} they are less than {_SHORTEST_STEP_US} us apart"
+        collector.reject(file, 1, f"{what}; name their column after it: t_us, t_ms or t_s")
+        return
     if columns.unit is None and not columns.frames and rows:
         collector.note(f"{file.name} does not name the unit of its times: {unit} is assumed")
     across, down = context.stated_factors
@@ -130,6 +139,28 @@ def _likely_unit(rows: list[tuple[int, list[str]]], columns: TrackColumns) -> st
     """Microseconds where all times are whole numbers, else seconds."""
     texts = [fields[columns.time].strip() for _, fields in rows if len(fields) == columns.count]
     return "us" if all(re.fullmatch(r"[-+]?\d+(\.0*)?", text) for text in texts) else "s"
+
+
+def _are_boxes(
+    header: list[str], rows: list[tuple[int, list[str]]], columns: TrackColumns, context: ImportContext
+) -> bool:
+    """Whether x and y stand beside the sides of a box, and do not say that they are its centre."""
+    sides = next((pair for pair in _SIDES if {*pair} <= {*header}), None)
+    if sides is None or header[columns.x] in _CENTRES:
+        return False
+    at = header.index(sides[0])
+    widths = [text for _, fields in rows if len(fields) == columns.count and (text := fields[at].strip())]
+    # Columns of such names may also hold the size of the picture.
+    return any(re.fullmatch(r"\d+(\.\d*)?", text) and float(text) < context.sensor.width_px / 2 for text in widths)
+
+
+def _are_too_close(rows: list[tuple[int, list[str]]], columns: TrackColumns, unit: str) -> bool:
+    """Whether whole numbers, taken for microseconds, follow each other faster than anybody labels: milliseconds do."""
+    if unit != "us" or len(rows) < 3:
+        return False
+    times = [float(text) for _, fields in rows if len(fields) == columns.count and (text := fields[columns.time])]
+    steps = sorted(times) if columns.steps else sorted(abs(b - a) for a, b in itertools.pairwise(times))
+    return bool(steps) and 0 < steps[len(steps) // 2] < _SHORTEST_STEP_US
 
 
 def write_csv(labels: LabelSet, folder: Path, options: ExportOptions) -> Exported:
@@ -175,10 +206,15 @@ def _read_file(text: str, file: Path, context: ImportContext, collector: Collect
         _read_contacts(rows, header, file, context, collector)
         return
     if "state" not in header and (columns := track_columns([name.lower() for name in header])) is not None:
+        track = list(rows)
+        if _are_boxes([name.lower() for name in header], track, columns, context):
+            what = "x and y beside the sides of a box may be its corner: expected its centre, as cx, cy"
+            collector.reject(file, 1, f"{what}, got {', '.join(header)[:200]}")
+            return
         read = {columns.time, columns.x, columns.y, columns.radius}
         if others := [name for at, name in enumerate(header) if at not in read and name]:
             collector.note(f"{file.name}: the columns {', '.join(others)} are not read")
-        read_track(list(rows), columns, file, context, collector)
+        read_track(track, columns, file, context, collector)
         return
     unknown, missing = [name for name in header if name not in COLUMNS], set(REQUIRED) - set(header)
     if unknown or missing or len(set(header)) != len(header):

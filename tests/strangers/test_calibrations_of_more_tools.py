@@ -5,6 +5,7 @@ Each case says what came of it when it was first tried.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -184,7 +185,61 @@ READ: dict[str, tuple[str, Lens]] = {
     ),
 }
 
+PAIR_R = [[0.98, 0.0, 0.198997], [0.0, 1.0, 0.0], [-0.198997, 0.0, 0.98]]
+
+
+def message(cx: float, R: list[list[float]] | None = None, shift: float = 0.0) -> dict[str, object]:
+    """A CameraInfo of ROS as JSON."""
+    P = [600, 0, cx, shift, 0, 600, 240, 0, 0, 0, 1, 0]
+    flat = [number for row in R or np.eye(3).tolist() for number in row]
+    K = [600, 0, cx, 0, 600, 240, 0, 0, 1]
+    return {"width": 640, "height": 480, "distortion_model": "plumb_bob", "D": [0.1] * 5, "K": K, "R": flat, "P": P}
+
+
+PAIRS: dict[str, tuple[dict[str, object], list[str], list[float]]] = {
+    # By R and P of a rectified pair, 0.5 m apart: were refused, "no camera matrix that is known".
+    "messages": ({"left": message(300), "right": message(310, shift=-300)}, ["left", "right"], [0.5, 0, 0]),
+    "messages, the right one first": (
+        {"right": message(310, shift=-300), "left": message(300)},
+        ["left", "right"],
+        [0.5, 0, 0],
+    ),
+    "topics, turned": (
+        {"/cam0/camera_info": message(300, PAIR_R), "/cam1/camera_info": message(310, PAIR_R, -300)},
+        ["cam0", "cam1"],
+        [0.49, 0, 0.0995],
+    ),
+    # R and T beside the cameras, which go from left to right as OpenCV's.
+    "cameras beside R and T": (
+        {"right": message(310), "left": message(300), "R": np.eye(3).tolist(), "T": [-0.4, 0, 0]},
+        ["left", "right"],
+        [0.4, 0, 0],
+    ),
+}
+
+
+@pytest.mark.parametrize("form", PAIRS)
+def test_two_cameras_in_tables_of_their_own_are_read_with_their_poses(form: str, tmp_path: Path) -> None:
+    tree, names, place_m = PAIRS[form]
+    (tmp_path / "a.json").write_text(json.dumps(tree))
+    cameras = read_calibration_file(tmp_path / "a.json").cameras
+    assert list(cameras) == names
+    first, second = cameras.values()
+    assert (first.K[0, 2], second.K[0, 2]) == (300, 310)
+    assert second.position_world_m == pytest.approx(place_m, abs=1e-3) and not first.position_world_m.any()
+
+
 REFUSED = {
+    # Cameras in tables of their own without poses: were refused, "no camera matrix that is known".
+    "own variation: messages of two cameras that are not rectified": (
+        json.dumps({"left": message(300), "right": message(310)}),
+        "does not say how left, right stand to each other",
+    ),
+    # Pictures with row 0 at the bottom: was read as any other.
+    "own variation: an origin at the bottom": (
+        json.dumps({**message(300), "image_origin": "bottom_left"}),
+        "rows are counted from the bottom.*got image_origin: 'bottom_left'",
+    ),
     # An omnidirectional camera: was refused, "does not say for which picture size".
     f"{GITHUB}/ethz-asl/image_undistort/issues/75": (OMNI, "unsupported camera model.*got omni"),
     # camodocal's Mei: was refused, "incomplete".

@@ -24,9 +24,13 @@ def test_the_parts_of_an_event_stream_behind_lost_bytes_keep_their_steps(tmp_pat
     np.testing.assert_array_equal(found.y_px[-1400:], VGA.y[-1400:])
 
 
+HEAD4 = b"% format EVT4;height=480;width=640\n% end\n"
+
+
+@pytest.mark.parametrize("head", [HEAD2, HEAD4])
 @pytest.mark.parametrize(("body", "said"), [(bytes(64), "all bytes behind the header are 0"), (b"", "")])
-def test_a_raw_file_of_zeros_is_refused_and_one_without_a_word_is_noted(tmp_path, body, said):
-    path = make.write(tmp_path / "a.raw", HEAD2, body)
+def test_a_raw_file_of_zeros_is_refused_and_one_without_a_word_is_noted(tmp_path, head, body, said):
+    path = make.write(tmp_path / "a.raw", head, body)
     if said:
         with pytest.raises(RecordingError, match=said):
             import_file([path], tmp_path / "out.h5")

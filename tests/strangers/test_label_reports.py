@@ -454,6 +454,8 @@ def test_a_yaml_with_tags_still_names_the_classes(tmp_path: Path) -> None:
         ("t_us,x,y\n10000,5000,89.5\n", (), []),
         ("t_us,x,y\n0,0,0\n10000,639.5,179.5\n20000,0.0,0.0\n", (), [AT]),
         ("t_us,t_s,x,y\n10000,0.01,5,5\n", (), []),
+        ("t_us,cx,cy,w,h\n10000,639.5,179.5,20,20\n", (), [AT]),
+        ("t_us,x,y,width,height\n10000,639.5,179.5,1280,720\n", (), [AT]),
     ],
 )
 def test_a_track_of_another_tool_becomes_labels(
@@ -462,6 +464,20 @@ def test_a_track_of_another_tool_becomes_labels(
     made = import_files(tmp_path, "csv", {"a.csv": text}, *flags)
     assert made.code == (0 if rows else 2)
     assert made.rows == [pytest.approx(row) for row in rows]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        # The corner of a box: was taken for the centre of the ball, half its size beside it.
+        ("t_us,x,y,w,h\n10000,629.5,169.5,20,20\n", "may be its corner: expected its centre, as cx, cy"),
+        # Whole milliseconds: were taken for microseconds, all labels in the first 30 us.
+        ("time,x,y\n10.0,1,2\n20.0,3,4\n30.0,5,6\n", "as us they are less than 100 us apart; name their column"),
+    ],
+)
+def test_a_track_whose_columns_mean_two_things_is_refused(text: str, said: str, tmp_path: Path) -> None:
+    made = import_files(tmp_path, "csv", {"a.csv": text})
+    assert made.code == 2 and not made.rows and said in made.said
 
 
 def test_columns_of_a_track_that_nobody_reads_are_named(tmp_path: Path) -> None:

@@ -123,6 +123,15 @@ READ: dict[str, tuple[Write, ImportOptions]] = {
         lines(lambda t, x, y, p: f"{t},{x},{y},{'on' if p else 'off'},left", "t,x,y,p,camera"),
         ImportOptions(),
     ),
+    # The unit in an array or a dataset of its own: was passed over, and the file refused or read as microseconds.
+    "own variation: an array for the unit": (
+        lambda p: make.npz(p, t=VGA.t * 1000 + 7, x=VGA.x, y=VGA.y, p=VGA.p, time_unit="ns"),
+        ImportOptions(),
+    ),
+    "own variation: a dataset for the unit": (
+        lambda p: make.hdf5(p, {"t": VGA.t * 1000 + 7, "x": VGA.x, "y": VGA.y, "p": VGA.p, "units": b"ns"}),
+        ImportOptions(),
+    ),
     # Addresses of 16 bits with a fraction: was right, with a warning of NumPy.
     "own variation: float16": (
         lambda p: make.npz(p, t=VGA.t, x=VGA.x.astype(np.float16), y=VGA.y.astype(np.float16), p=VGA.p),
@@ -136,6 +145,16 @@ READ: dict[str, tuple[Write, ImportOptions]] = {
 }
 
 REFUSED: dict[str, tuple[Write, str]] = {
+    # Addresses as shares of the picture: was read as the pixels 0 and 1, with a note on undistorted events.
+    "own variation: shares of the picture": (
+        lines(lambda t, x, y, p: f"{t},{x / 640:.5f},{y / 480:.5f},{p}"),
+        "the addresses are shares of the picture",
+    ),
+    # A clock of 16 bits: was sorted as if its rows came late, 500 ms within 66.
+    "own variation: times in 16 bits": (
+        lambda p: make.npz(p, t=(VGA.t % 65536).astype(np.uint16), x=VGA.x, y=VGA.y, p=VGA.p),
+        "whole numbers of 16 bits, and step back",
+    ),
     # Feather: was refused, "the format is not recognised".
     "own variation: to_feather": (feather, r"a Feather \(Arrow\) file"),
     # A frame of to_hdf: was refused, "no events in a layout that is known".
@@ -233,7 +252,21 @@ NOTED: dict[str, tuple[Write, str]] = {
         lines(lambda t, x, y, p: f"{t},{x + 1 if t else 640},{y + 1},{p}"),
         "no address is 0, the last ones are 640, 4",
     ),
+    # Two groups of events, of which one is called as usual: the other was not mentioned.
+    "own variation: filtered events beside the raw ones": (
+        lambda p: make.hdf5(
+            p, {f"{group}/{name}": one for group in ("events", "filtered") for name, one in VGA._asdict().items()}
+        ),
+        "also holds events in filtered, which are not read",
+    ),
 }
+
+
+def test_columns_without_names_that_fill_a_turned_sensor_are_noted(tmp_path: Path) -> None:
+    """The order t, y, x, p was read as t, x, y, p, without a word of it."""
+    path = make.npy(tmp_path / "a.npy", np.stack([VGA.t, VGA.y, VGA.x, VGA.p], axis=1))
+    made = import_recording(ImportOrder([path]), tmp_path / "out.h5")
+    assert made is not None and "fills a 640x480 sensor if y stands before x; then name" in " ".join(made.notes)
 
 
 @pytest.mark.parametrize("report", NOTED)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -119,6 +120,13 @@ def without_padding(rows: NDArray) -> tuple[NDArray, int]:
 def note_padding(count: int, where: str, report: DecodeReport) -> None:
     """Count rows that are no events but padding."""
     report.leave_out(PADDING, count, f"{where}: {count:,} rows of zeros or ones (padding) were left out.")
+
+
+def refuse_zeros(count: int, path: Path) -> None:
+    """Raise RecordingError for a RAW file whose `count` bytes behind the header, if there are any, are all 0."""
+    if count:
+        what, remedy = "no events could be read: all bytes behind the header are 0", "was the file copied to its end?"
+        raise RecordingError(what, got=f"{count:,} bytes", where=path, remedy=remedy)
 
 
 def refuse_many_outside(outside: int, total: int, sensor: SensorSize, largest: tuple[int, int], where: str) -> None:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from core.errors import RecordingError
 from core.events import SensorSize
 from core.jit import njit
-from core.recordings.sources.checking import CUT_SHORT, DAMAGED_TIMES, RESERVED_WORDS, check_stream
+from core.recordings.sources.checking import CUT_SHORT, DAMAGED_TIMES, RESERVED_WORDS, check_stream, refuse_zeros
 from core.recordings.sources.evt_time import EVT4_TIME, IGNORE, Decoded, judge_time_high, next_time_high
 from core.recordings.sources.making import make_source
 from core.recordings.sources.prophesee_header import PropheseeHeader, note_two_sizes
@@ -82,12 +82,13 @@ def _start(words: NDArray[np.uint32]) -> NDArray[np.int64]:
 
 
 def _decode(path: Path, start: int, report: DecodeReport) -> Iterator[Columns]:
-    rest = b""
+    rest, zeros = b"", True
     state: NDArray[np.int64] | None = None
     with path.open("rb") as file:
         end = os.fstat(file.fileno()).st_size
         done = file.seek(start)
         while data := file.read(_BLOCK_BYTES):
+            zeros = zeros and not data.strip(b"\0")
             done += len(data)
             data = rest + data
             words = np.frombuffer(data[: len(data) - len(data) % 4], "<u4")
@@ -103,6 +104,8 @@ def _decode(path: Path, start: int, report: DecodeReport) -> Iterator[Columns]:
             # A vector whose mask is in the next block is read with it.
             rest = data[4 * used :]
             report.share = (done - start) / max(1, end - start)
+    if zeros:
+        refuse_zeros(end - start, path)
     note = f"{path.name}: the last {len(rest)} bytes are no whole event; the file was cut short."
     report.leave_out(CUT_SHORT, len(rest), note)
     if state is not None:

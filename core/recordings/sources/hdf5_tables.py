@@ -22,7 +22,7 @@ import numpy as np
 
 from core.errors import RecordingError
 from core.events import SensorSize
-from core.foreign_tables import UNIT_NAMES, time_unit
+from core.foreign_tables import UNIT_KEYS, UNIT_NAMES, time_unit
 from core.recordings.hdf5 import dataset_at, group_at
 from core.recordings.sources.hdf5_reading import UNREADABLE, explain, read_in_parts, unit_by_index
 from core.recordings.sources.making import make_table_source
@@ -38,7 +38,6 @@ from core.recordings.sources.values.table_order import TableOrder, guess_columns
 from core.recordings.sources.values.table_values import TableSummary, summarise_table
 
 _COLUMNS: Final = ("t", "x", "y", "p")
-_UNIT_ATTRIBUTES: Final = ("unit", "units", "time_unit", "time_units", "timestamp_unit", "timestamps_unit")
 _LABELS: Final[dict[tuple[str, tuple[str, ...]], str]] = {
     ("events", ("t", "x", "y", "p")): "DSEC HDF5",
     ("events", ("ts", "xs", "ys", "ps")): "HDF5 of xs, ys, ts, ps",
@@ -105,9 +104,15 @@ def open_hdf5_table(path: Path, sensor: SensorSize | None) -> list[EventSource] 
             return [_open_rows(path, file, sensor)]
         if "davis" in file:
             return _open_mvsec(path, group_at(file, "davis"), sensor)
-        tables = _find_tables(file)
+        found = _find_tables(file)
+        usual = [table for table in found if table.path in ("events", "raw_events")]
+        tables = usual[:1] or found
+        unread = ", ".join(table.path for table in found if table not in tables)
+        remarks = (f"{path.name} also holds events in {unread}, which are not read.",) if unread else ()
         names = _camera_names([table.path for table in tables])
-        return [_open_table(path, file, table, name, sensor) for table, name in zip(tables, names, strict=True)] or None
+        return [
+            _open_table(path, file, table, name, sensor, remarks) for table, name in zip(tables, names, strict=True)
+        ] or None
 
 
 def _find_tables(file: h5py.File) -> list[_Table]:
@@ -130,8 +135,7 @@ def _find_tables(file: h5py.File) -> list[_Table]:
 
     look("/", file)
     file.visititems(look)
-    first = [table for table in found if table.path in ("events", "raw_events")]
-    return first[:1] or found
+    return found
 
 
 def _camera_names(paths: list[str]) -> list[str]:
@@ -143,7 +147,9 @@ def _camera_names(paths: list[str]) -> list[str]:
     return ["_".join(part for part in some if part not in shared) or "camera" for some in parts]
 
 
-def _open_table(path: Path, file: h5py.File, table: _Table, name: str, sensor: SensorSize | None) -> EventSource:
+def _open_table(
+    path: Path, file: h5py.File, table: _Table, name: str, sensor: SensorSize | None, remarks: tuple[str, ...]
+) -> EventSource:
     count = table.count(file, path)
     where = dataset_at(file, table.path) if table.records else group_at(file, table.path)
     holders = [file, where, *([where.parent] if table.path != "/" else [])]
@@ -155,11 +161,11 @@ def _open_table(path: Path, file: h5py.File, table: _Table, name: str, sensor: S
     dsec = label.startswith("DSEC") and "ms_to_idx" in file
     times = where if table.records else dataset_at(group_at(file, table.path), table.names[0])
     unit, unit_from = unit_of_name(table.names[0]) or _stated_unit([times, *holders]), FactOrigin.FILE
-    remarks: tuple[str, ...] = ()
     if unit is None and dsec and isinstance(times, h5py.Dataset):
         unit, unit_from = _unit_of_dsec(dataset_at(file, "ms_to_idx"), times), FactOrigin.FORMAT
         if unit not in (None, "us"):
-            unit_from, remarks = FactOrigin.FILE, (f"{path.name}: the times count {UNIT_NAMES[unit]} by ms_to_idx.",)
+            unit_from = FactOrigin.FILE
+            remarks += (f"{path.name}: the times count {UNIT_NAMES[unit]} by ms_to_idx.",)
     seen: TableSummary | None = None
     sensor_from = FactOrigin.FILE
     if sensor is None:
@@ -209,10 +215,10 @@ def _unit_of_dsec(marks: h5py.Dataset, times: h5py.Dataset) -> str | None:
 
 
 def _stated_unit(holders: list[h5py.Group | h5py.Dataset]) -> str | None:
-    """The unit of the times that an attribute states."""
+    """The unit of the times that an attribute, or a dataset of one word, states."""
     for holder in holders:
-        for name in _UNIT_ATTRIBUTES:
-            value = np.asarray(holder.attrs.get(name, "")).reshape(-1)
+        for name in UNIT_KEYS:
+            value = np.asarray(holder.attrs.get(name, _word_in(holder, name))).reshape(-1)
             word = value[0].decode("latin-1") if value.size and isinstance(value[0], bytes) else str(*value[:1])
             unit = time_unit(word)
             if unit is None and word.strip() and (holder is holders[0] or "time" in name):
@@ -220,6 +226,11 @@ def _stated_unit(holders: list[h5py.Group | h5py.Dataset]) -> str | None:
             if unit is not None:
                 return unit
     return None
+
+
+def _word_in(holder: h5py.Group | h5py.Dataset, name: str) -> object:
+    word = holder.get(name) if isinstance(holder, h5py.Group) else None
+    return word[()] if isinstance(word, h5py.Dataset) and word.shape in ((), (1,)) else ""
 
 
 def _open_rows(path: Path, file: h5py.File, sensor: SensorSize | None) -> EventSource:

@@ -133,6 +133,10 @@ def make_table_source(
             report.assume(f"{path.name}: no address is 0, the last ones are {column}, {row}; do they count from 1?")
         for note in assumed:
             report.assume(note)
+        if assumed and origin == FactOrigin.ASSUMED and (turned := look().addresses.filled_by_turned) is not None:
+            column, row = look().addresses.largest
+            text = f"the addresses go up to {column}, {row}, which fills a {turned} sensor if y stands before x"
+            report.assume(f"{path.name}: {text}; then name the columns.")
         report.notes.extend(remarks)
         meaning = interpret_table(look(), unit, report, where=path.name, unit_from=unit_from)
         lengths = meaning.clock_lengths_us

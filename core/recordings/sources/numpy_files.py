@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from core.errors import RecordingError
 from core.events import SensorSize
-from core.foreign_tables import UNITS_US
+from core.foreign_tables import UNIT_KEYS, UNITS_US, time_unit
 from core.recordings.sources.making import make_table_source
 from core.recordings.sources.source import DecodeReport, EventSource, RawColumns
 from core.recordings.sources.table_columns import camera_column, find_columns, refuse_several_cameras, unit_of_name
@@ -111,11 +111,14 @@ def _load(path: Path) -> _Loaded:
             raise ValueError(f"{broken[0]}.npy in it holds no array; was it written to its end?")
         small = {name: loaded[name] for name in names if _is_about_size(name)}
         stated = size_in_attributes(small)
-        others = [name for name in names if name not in small]
+        words = [name for name in names if name.lower() in UNIT_KEYS and loaded[name].size == 1]
+        unit = next((found for name in words if (found := time_unit(str(loaded[name].item())))), None)
+        others = [name for name in names if name not in small and (unit is None or name not in words)]
         whole = next((name for name in ("events", "arr_0") if name in names), others[0] if len(others) == 1 else None)
         whole = whole or _records_in(loaded, others)
         if whole is not None:
-            return _from_array(loaded[whole], path, stated)
+            rows = _from_array(loaded[whole], path, stated)
+            return rows._replace(unit=rows.unit or unit)
         pair = next((name for name in ("xy", "xys", "coords", "coordinates") if name in names), None)
         if pair is not None and "x" not in names:
             places = find_columns([*names, "x", "y"], where=str(path))
@@ -132,7 +135,7 @@ def _load(path: Path) -> _Loaded:
         camera = camera_column(names)
         if camera is not None and loaded[names[camera]].shape == arrays["t"].shape:
             refuse_several_cameras(np.unique(loaded[names[camera]]), path)
-        found = _columns(arrays, unit_of_name(names[places["t"]]), stated)
+        found = _columns(arrays, unit_of_name(names[places["t"]]) or unit, stated)
         used = {pair, *(names[place] for place in places.values() if place < len(names))}
         unread = ", ".join(name for name in others if name not in used)
         return found._replace(assumed=(f"{path.name} also holds {unread}, which is not read.",)) if unread else found

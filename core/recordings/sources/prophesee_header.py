@@ -51,9 +51,9 @@ def read_prophesee_header(path: Path) -> PropheseeHeader:
     fields: dict[str, str] = {}
     for line in lines:
         key, _, value = line.partition(" ")
-        fields.setdefault(key.lower(), value.strip())
+        fields.setdefault(key.lower().rstrip(":"), value.strip())
     format_name, _, extras = fields.get("format", "").partition(";")
-    options = dict(item.split("=", 1) for item in extras.split(";") if "=" in item)
+    options = dict(item.strip().split("=", 1) for item in extras.split(";") if "=" in item)
     stated = _stated_sensors(lines, options)
     return PropheseeHeader(
         size,

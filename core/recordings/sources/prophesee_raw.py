@@ -25,6 +25,7 @@ from core.recordings.sources.checking import (
     RESERVED_WORDS,
     outside_note,
     refuse_many_outside,
+    refuse_zeros,
 )
 from core.recordings.sources.checking import OUTSIDE as OUTSIDE_SENSOR
 from core.recordings.sources.evt2 import (
@@ -156,14 +157,8 @@ def _decode(
     if done != end and not stopped:
         note = f"{path.name}: the last {end - done} bytes are not a whole word; the file was cut short."
         report.leave_out(CUT_SHORT, end - done, note)
-    if zeros and end > header.size_bytes:
-        count = end - header.size_bytes
-        raise RecordingError(
-            "no events could be read: all bytes behind the header are 0",
-            got=f"{count:,} bytes",
-            where=path,
-            remedy="was the file copied to its end?",
-        )
+    if zeros:
+        refuse_zeros(end - header.size_bytes, path)
     if state is not None:
         _say_left_out(path, state, sensor, events_read, report, damaged=stopped)
     report.share = 1.0

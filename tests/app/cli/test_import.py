@@ -200,6 +200,22 @@ def test_the_json_of_a_check_has_stable_keys_and_the_figures_of_the_import(tmp_p
     assert [camera["name"] for camera in json.loads(out)["cameras"]] == ["near", "far"]
 
 
+def test_each_source_may_have_its_own_unit_of_time(tmp_path, csv, others, capsys):
+    """It could be stated for all of them only: a pair in us and ns had no way in but by new headings."""
+    table = np.loadtxt(csv, delimiter=",", skiprows=1)
+    np.savetxt(others[0], table * (1000, 1, 1, 1), fmt="%d", delimiter=",", header="t,x,y,p", comments="")
+    words = ("import", csv, others[0], tmp_path / "a.h5")
+    assert run(capsys, *words, "--time-unit", "us,ns")[0] == 0
+    with open_recording(tmp_path / "a.h5") as recording:
+        times = [camera.slice(0, 10**9).t_us for camera in recording.cameras.values()]
+    np.testing.assert_array_equal(times, [10 * np.arange(3000)] * 2)
+    _, _, err = run(capsys, *words[:-1], "--check", "--time-unit", "us,ns,s")
+    assert "not a unit of time for each source; expected 2, got us,ns,s; see --time-unit" in err
+    _, _, err = run(capsys, *words[:-1], "--check", "--time-unit", "us,h")
+    assert "expected units of time (ns, us, ms, s) between commas, got 'us,h'" in err
+    assert "or --time-unit with one for each source" in run(capsys, *words[:-1], "--check")[2]
+
+
 def test_what_an_import_assumes_is_printed_and_listed_by_info(tmp_path, csv, capsys):
     code, found, _ = run(capsys, "import", csv, "--check", "--json")
     code, out, _ = run(capsys, "import", csv, tmp_path / "a.h5")

@@ -1,4 +1,5 @@
 import csv
+import dataclasses
 import json
 import re
 import shutil
@@ -8,8 +9,8 @@ import numpy as np
 import pytest
 
 from app.cli import main
-from app.cli.track import odd_rays
-from core.cameras import stereo_preset
+from app.cli.track import odd_fall, odd_rays
+from core.cameras import Camera, stereo_preset
 from core.cameras.presets import camera_preset
 from core.chain.follow import Track
 from core.config import replace_setting, save_config
@@ -137,6 +138,25 @@ def test_rays_that_do_not_meet_are_said_with_the_causes(points, residual_px, see
     notes = odd_rays(track)
     assert len(notes) == (says is not None)
     assert says is None or re.search(says, notes[0])
+
+
+def test_a_ball_that_falls_upwards_is_said_where_the_world_is_the_table_s() -> None:
+    """Pictures counted from the bottom, as calibration and events, gave a track below the table without a word."""
+    t_s = np.arange(0, 0.4, 0.002)
+    error = np.random.default_rng(0).normal(0, 0.001, (len(t_s), 3))
+    fall = np.stack([1.2 - 5 * t_s, 0 * t_s, 0.3 + t_s - 4.905 * t_s**2], axis=1) + error
+
+    def track_of(ps_m: np.ndarray) -> Track:
+        count = len(t_s)
+        return Track((1e6 * t_s).astype(np.int64), ps_m, np.zeros(count), count, count, np.zeros(count))
+
+    table = stereo_preset()
+    lens: Camera = dataclasses.replace(table["left"], T_world_camera=np.eye(4))
+    assert odd_fall(track_of(fall), table) == []
+    (note,) = odd_fall(track_of(fall * (1, 1, -1)), table)
+    assert "the ball falls upwards, with 9." in note and "from the bottom of the picture" in note
+    assert odd_fall(track_of(fall * (1, 1, -1)), {"left": lens, "right": table["right"]}) == []
+    assert odd_fall(track_of(fall * (1, 1, 0)), table) == []
 
 
 def test_calibrated_frame_cameras_are_used_too_unless_that_is_not_wanted(tmp_path, capsys) -> None:

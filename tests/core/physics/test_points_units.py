@@ -58,6 +58,9 @@ def read(tmp_path: Path, text: str) -> PointsFile:
         (table("timestamp,px,py,pz", 1e9 * T), 0),
         (table("time,x,y,z", 1e3 * (T + 1.7e9)), 1.7e9),
         (table("t,x,y,z", 1e6 * T, 1e2 * PS), 0),
+        (table("t_s,x_in,y_in,z_in", T, PS / 0.0254), 0),
+        (table("time (s),x (inch),y (inch),z (inch)", T, PS / 0.0254), 0),
+        (table("t_s,x_ft,y_ft,z_ft", T, PS / 0.3048), 0),
         ("\ufeff" + PLAIN.replace("\n", "\r\n"), 0),
         ("# " + PLAIN, 0),
         (table("t_s;x_m;y_m;z_m", mark=";").replace(".", ","), 0),
@@ -89,6 +92,8 @@ def test_the_same_flight_is_read_from_every_form(tmp_path: Path, text: str, star
         (table("t_s,x_m,y_m,z_m", T, 1e2 * (PS - PS.mean(axis=0) / 2)), "x_cm|multiplied by 0.01"),
         (table("t_s,x_m,y_m,z_m", 1e6 * (T + 1.7e9)), "name the column after its unit"),
         (table("t,x,y,z", T[:6], PS[:6]), "units of t,x,y,z cannot be told"),
+        # Inches: was read as cm, in which it falls with 3.9 m/s2.
+        (table("t,x,y,z", T, PS / 0.0254), "times in s and places in cm or times in s and places in inches"),
         (table("t,x,y,z", T, 1e-3 * PS), "none in which they fly as a ball does"),
         (PLAIN + "\n".join(LINES[1:]), "row 92: times do not ascend.*one flight"),
         ("t_s,x_m,y_m,z_m\n" + "0.1,nan,nan,nan\n" * 200 + "\n".join(LINES[1:]), "row 2: x_m is not a number"),

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from core.cameras import Camera
 from core.cameras.calibration_values import CalibrationNode
 from core.cameras.lens_names import LensFound, find_lens
+from core.cameras.opencv_yaml import pose_of_rectified
 from core.cameras.plausible import check_lenses, odd_lenses
 from core.cameras.units import check_lengths
 from core.errors import CalibrationError
@@ -210,16 +211,9 @@ def _reached(root: str, transforms: dict[tuple[str, str], Array]) -> dict[str, A
 
 
 def _rectified_pair(infos: dict[str, _Info]) -> dict[str, Array] | None:
-    """The poses of two cameras from R and P, as stereo calibration in ROS writes them; P of the right has a shift."""
+    """The poses of two cameras from R and P; the left one, whose P has no shift, is the world."""
     if len(infos) != 2:
         return None
-    shifted = [topic for topic, info in infos.items() if info.P[0, 3] != 0 and info.P[0, 0] > 0]
-    if len(shifted) != 1:
-        return None
-    (right,) = shifted
-    left = next(topic for topic in infos if topic != right)
-    R_left, R_right, P = infos[left].R, infos[right].R, infos[right].P
-    T = np.eye(4)
-    T[:3, :3] = R_left.T @ R_right
-    T[:3, 3] = R_left.T @ np.array([-P[0, 3] / P[0, 0], 0, 0])
-    return {left: np.eye(4), right: T}
+    left, right = sorted(infos, key=lambda topic: infos[topic].P[0, 3] != 0)
+    T = pose_of_rectified([infos[one].R for one in (left, right)], [infos[one].P for one in (left, right)])
+    return None if T is None else {left: np.eye(4), right: T}

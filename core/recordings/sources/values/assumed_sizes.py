@@ -16,6 +16,8 @@ _USUAL: Final = tuple(
     SensorSize(*size)
     for size in ((128, 128), (240, 180), (304, 240), (320, 240), (320, 320), (346, 260), (640, 480), (1280, 720))
 )
+_NEARLY: Final = 0.97
+"""Share of each side that addresses reach which fill a sensor."""
 _FEW_BEYOND: Final = 3
 _ENOUGH_EVENTS: Final = 1000
 """From so many events on, a few beyond a usual sensor are odd addresses, and no larger sensor."""
@@ -51,6 +53,16 @@ class AddressCounts:
         width, height = sensor.width_px, sensor.height_px
         beside = int(self.columns[width:height].sum())
         return height > width and beside > _FEW_BEYOND and not self.rows[width:].any()
+
+    @property
+    def filled_by_turned(self) -> SensorSize | None:
+        """The usual sensor that the addresses would fill if columns were rows; None if there is none."""
+        column, row = self.largest
+        for sensor in _USUAL:
+            width, height = sensor.width_px, sensor.height_px
+            if height < width and _NEARLY * width <= row + 1 <= width and _NEARLY * height <= column + 1 <= height:
+                return sensor
+        return None
 
     def may_count_from_1(self, sensor: SensorSize) -> bool:
         """Whether no address is 0, and the largest is the one behind the sensor's last."""

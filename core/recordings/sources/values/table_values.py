@@ -77,6 +77,8 @@ class TableSummary:
     """Step between neighbouring numbers at the latest time, of times in 32 or fewer bits with fractions; else 0."""
     finest_t: float = np.inf
     """Smallest step between rows of different times."""
+    short_clock: bool = False
+    """Whether the times are whole numbers of 16 bits or fewer that step back."""
     bytes_x: bool = False
     bytes_y: bool = False
     """Whether addresses are in 8 bits without a sign."""
@@ -131,7 +133,9 @@ class TableSummary:
         low, high = np.partition(t, (odd, count - 1 - odd))[[odd, count - 1 - odd]]
         self.low_t, self.high_t = min(self.low_t, float(low)), max(self.high_t, float(high))
         if count > 1:
-            steps = np.abs(np.diff(t.astype(np.float64)))
+            steps = np.diff(t.astype(np.float64))
+            self.short_clock |= t.dtype.kind in "iu" and t.dtype.itemsize <= 2 and bool((steps < 0).any())
+            steps = np.abs(steps)
             self.finest_t = min(self.finest_t, float(np.min(steps, where=steps > 0, initial=np.inf)))
             self.steps_t += float(np.partition(steps, count - 2 - odd)[: count - 1 - odd].sum())
         if t.dtype.kind == "f" and t.dtype.itemsize <= 4:
@@ -174,7 +178,8 @@ class TableInterpretation:
         on, known = _polarity_column(part.p, self.on)
         t = part.t
         longest = 2**62 / max(1.0, UNITS_US[self.unit])
-        with np.errstate(invalid="ignore"):  # what is no number is not less than anything
+        # What is no number is not less than anything; float16 holds nothing beyond 65504.
+        with np.errstate(invalid="ignore", over="ignore"):
             known &= (t < longest) & (t > -longest)
         odd = len(t) - int(np.count_nonzero(known))
         x, y = addresses_from_column(part.x), addresses_from_column(part.y)
@@ -200,6 +205,7 @@ def interpret_table(
         RecordingError: if it cannot be told.
     """
     _refuse_lost_times(seen, where)
+    _refuse_shares(seen, where)
     unit = _unit(seen, hint, unit_from, report, where)
     _check_steps(seen, unit, report, where)
     if seen.between_pixels:
@@ -210,21 +216,37 @@ def interpret_table(
 
 
 def _refuse_lost_times(seen: TableSummary, where: str) -> None:
-    """Refuse times since 1970 that were rounded where the file was written: in 32 bits, or to a few digits of text.
+    """Refuse times that lost digits where the file was written: their high ones in 16 bits, or, of times since 1970,
+    their low ones in 32 bits or in a few digits of text.
 
     Raises:
         RecordingError: if no time of an event can be told.
     """
+    what = "the times were rounded where the file was written"
+    if seen.short_clock:  # rows would be sorted as if they came late: they lie within the clock's length
+        remedy = "write the times in 32 bits or more, with the laps of the clock counted"
+        what = "the times are whole numbers of 16 bits, and step back: they begin again every 65,536"
+        raise RecordingError(what, where=where, remedy=remedy)
     since_1970 = any(low <= seen.low_t and seen.high_t < high for _, low, high in _EPOCHS)
     alike = seen.rows > _ALIKE_ROWS and seen.low_t == seen.high_t
     if not since_1970 or not (seen.spacing_t or alike):
         return
-    what = "the times were rounded where the file was written"
     got = f"all {seen.rows:,} events at {seen.low_t:.10g}, which counts from 1970" if alike else "32 bits"
     if seen.spacing_t:
         got = f"times since 1970 as float32, which holds them in steps of {seen.spacing_t:g}"
     remedy = "write them as whole numbers or as float64, or take the first time from them before"
     raise RecordingError(what, got=got, where=where, remedy=remedy)
+
+
+def _refuse_shares(seen: TableSummary, where: str) -> None:
+    """Refuse addresses that are shares of the picture: rounded, they would be the pixels of one corner."""
+    if seen.between_pixels and seen.rows > _ALIKE_ROWS and max(seen.addresses.largest) <= 1:
+        raise RecordingError(
+            "the addresses are shares of the picture, where pixels belong",
+            got=f"all {seen.rows:,} events within a pixel of the corner, with fractions",
+            where=where,
+            remedy="multiply x by the width and y by the height",
+        )
 
 
 def _check_steps(seen: TableSummary, unit: str, report: DecodeReport, where: str) -> None:

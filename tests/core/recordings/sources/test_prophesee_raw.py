@@ -83,6 +83,8 @@ def test_the_old_header_without_a_geometry_gives_the_sensor_by_its_plug_in(share
         (b"% evt 3.0\n% plugin_name hal_plugin_gen41_evk3\n", "EVT3", (1280, 720)),
         (b"% evt 2.1\n% sensor_name GenX320\n", "EVT2.1", (320, 320)),
         (b"% evt 2.0\n% geometry 304x240\n% end\n", "EVT2", (304, 240)),
+        (b"% evt: 3.0\n% geometry: 640x480\n% end\n", "EVT3", (640, 480)),
+        (b"% format EVT3; height=480; width=640\n% end\n", "EVT3", (640, 480)),
         (b"% format EVT21;endianness=legacy;height=100;width=200\n", "EVT2.1", (200, 100)),
     ],
 )
