@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import LabelError, PluginError, RallyscopeError
-from core.events import SensorSize
+from core.events import Events, SensorSize
 from core.files import replace_file
 from core.foreign_tables import separator_of, with_point
 from core.registry import Registry
@@ -137,6 +137,8 @@ class ImportContext:
     """The other cameras of the recording: pictures of theirs are refused."""
     end_us: int | None = None
     """Where the recording ends."""
+    events_between: Callable[[int, int], Events] | None = None
+    """The camera's events from a time up to another, us; None: there are none to look at."""
 
     def is_ball(self, name: str) -> bool:
         """Whether a class of this name is the ball."""

@@ -6,7 +6,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from core.errors import LabelError
+import numpy as np
+
+from core.errors import LabelError, RecordingError
 from core.events import SensorSize
 from core.recordings import Recording
 from labels.formats.exchange import (
@@ -22,6 +24,12 @@ from labels.model import Label, LabelState
 
 AFTER_END_US: Final = 100_000
 """Latest picture after the last event: a picture may still have been taken so much later."""
+LOOKED_AT: Final = 100
+NEAR_US: Final = 2_000
+NEAR_PX: Final = 10.0
+"""A ball's events lie so near to its centre in time and place."""
+ENOUGH_EVENTS: Final = 50
+CLEARLY_MORE: Final = 5
 MANY_OUTSIDE: Final = 5
 """Centres outside the picture from which on the rest is looked at."""
 
@@ -57,6 +65,7 @@ def import_context(
         empty_pictures=LabelState.NO_BALL if choices.empty_is_no_ball else None,
         other_cameras=tuple(name for name in recording.cameras if name != camera),
         end_us=recording.duration_us,
+        events_between=None if stream is None else stream.slice,
     )
 
 
@@ -81,7 +90,30 @@ def import_labels(format_name: str, path: Path, context: ImportContext) -> Impor
         labels=tuple(label for label, _ in kept),
         places=tuple(place for _, place in kept),
         rejections=(*found.rejections, *rejected),
+        notes=(*found.notes, *_upside_down([label for label, _ in kept], context)),
     )
+
+
+def _upside_down(labels: list[Label], context: ImportContext) -> list[str]:
+    """A line if the events lie where the labels would be with rows counted from the bottom of the picture."""
+    if context.events_between is None:
+        return []
+    seen = [(one.t_us, one.x_px, one.y_px) for one in labels if one.state.seen]
+    here, there = 0, 0
+    for t_us, x_px, y_px in seen[:: len(seen) // LOOKED_AT + 1]:
+        if x_px is None or y_px is None:
+            continue
+        try:
+            events = context.events_between(max(0, t_us - NEAR_US), t_us + NEAR_US)
+        except RecordingError:  # damaged events are no reason to refuse labels
+            return []
+        rows = events.y_px[np.abs(events.x_px - x_px) < NEAR_PX].astype(np.float64)
+        here += int(np.count_nonzero(np.abs(rows - y_px) < NEAR_PX))
+        there += int(np.count_nonzero(np.abs(context.sensor.height_px - 1 - rows - y_px) < NEAR_PX))
+    if there < ENOUGH_EVENTS or there < CLEARLY_MORE * here:
+        return []
+    counts = f"{there:,} events lie there, {here:,} at the labels"
+    return [f"are the rows counted from the bottom of the picture? With y = height - 1 - y {counts}"]
 
 
 def _problem_of(label: Label, context: ImportContext) -> LabelError | None:

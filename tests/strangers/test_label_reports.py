@@ -13,6 +13,9 @@ import cv2
 import numpy as np
 import pytest
 
+from core.events import Events
+from labels.formats.exchange import ImportContext
+from labels.formats.import_check import import_labels
 from tests.labels.formats.import_command import SENSOR, Report, Row, import_files
 
 BALL = "0.5 0.25 0.015625 0.0277778"
@@ -478,6 +481,19 @@ def test_a_track_of_another_tool_becomes_labels(
 def test_a_track_whose_columns_mean_two_things_is_refused(text: str, said: str, tmp_path: Path) -> None:
     made = import_files(tmp_path, "csv", {"a.csv": text})
     assert made.code == 2 and not made.rows and said in made.said
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_labels_whose_rows_count_from_the_bottom_are_noted(turned: bool, tmp_path: Path) -> None:
+    """They were taken as they were: no picture is there to tell, but the events are."""
+    places = [(10_000 * k, 300 + 20 * k, 100 + 10 * k) for k in range(10)]
+    t, x, y = np.repeat(places, 20, axis=0).T + np.tile(np.arange(20), 10)
+    events = Events.from_columns(t, x, y, t % 2 == 0, SENSOR)
+    rows = "".join(f"{t_us},{x_px},{719 - y_px if turned else y_px}\n" for t_us, x_px, y_px in places)
+    (tmp_path / "a.csv").write_text("t_us,x,y\n" + rows)
+    found = import_labels("csv", tmp_path / "a.csv", ImportContext(SENSOR, events_between=events.between))
+    said = "With y = height - 1 - y 100 events lie there, 0 at the labels"
+    assert len(found.labels) == 10 and turned == (said in " ".join(found.notes))
 
 
 def test_columns_of_a_track_that_nobody_reads_are_named(tmp_path: Path) -> None:
