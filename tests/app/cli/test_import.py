@@ -253,7 +253,7 @@ def test_a_check_works_on_any_terminal_and_for_any_file_name(tmp_path, csv, enco
     environment = {**os.environ, "PYTHONIOENCODING": encoding, "PYTHONUTF8": "0", "LC_ALL": "C"}
     words = [sys.executable, "-m", "app.cli", "import", name, "--check", *form]
     done = subprocess.run(words, capture_output=True, env=environment, check=False)
-    assert (done.returncode, done.stderr) == (0, b"")
+    assert (done.returncode, _but_progress(done.stderr)) == (0, [])
     said = done.stdout.decode(encoding)
     if form:
         assert json.loads(said)["cameras"][0]["events"] == 3000
@@ -261,6 +261,11 @@ def test_a_check_works_on_any_terminal_and_for_any_file_name(tmp_path, csv, enco
         assert "  events       3,000: 1,500 ON, 1,500 OFF" in said and said.count("\n") == 14
     target = os.fsencode(tmp_path) + b"/\xff.h5"
     done = subprocess.run([*words[:5], target, *form], capture_output=True, env=environment, check=False)
-    assert (done.returncode, done.stderr) == (0, b"") and os.path.exists(target)
+    assert (done.returncode, _but_progress(done.stderr)) == (0, []) and os.path.exists(target)
     done = subprocess.run([*words[:3], "info", target], capture_output=True, env=environment, check=False)
     assert done.returncode == 0 and b"304x240 is assumed from the events" in done.stdout
+
+
+def _but_progress(stderr: bytes) -> list[bytes]:
+    """Lines of a child without those of its progress, which come if the machine is slow."""
+    return [line for line in stderr.splitlines() if not line.endswith((b" so far", b" left"))]
