@@ -35,7 +35,7 @@ def test_what_can_be_read_of_a_damaged_store_is_kept_with_a_note(store_file: Pat
         store = LabelStore.read(tmp_path, LAYER)
         kept.append(len(store.labels()))
         if kept[-1] < COUNT:
-            assert "damaged" in store.notes[0] and f"{kept[-1]} labels could be read" in store.notes[0]
+            assert "damaged" in store.notes[0] and f"{kept[-1]:,} labels could be read" in store.notes[0]
             with pytest.raises(LabelError, match=r"damaged label store.*labels merge"):
                 LabelStore.open(tmp_path, "u", "left", "anna").labels()
         store_file.write_bytes(whole)
