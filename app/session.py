@@ -138,14 +138,14 @@ class Session:
 
     def send(self, command: Command) -> None:
         """Enqueue a command."""
-        self._pace.hurry()
+        self._pace.request_frame()
         self._enqueue(command)
 
     def apply(self, command: Command) -> None:
         """Apply a command at once, before what is enqueued; in the loop."""
         if self._state is not None:
             self._state = command.apply(self._state, time.monotonic())
-            self._pace.hurry()
+            self._pace.request_frame()
             self._wake()
 
     def later(self, act: Callable[[], None]) -> None:
@@ -153,7 +153,7 @@ class Session:
         self._enqueue(act)
 
     def _send_key(self, command: Command) -> None:
-        self._pace.hurry()
+        self._pace.request_frame()
         self._enqueue(lambda: self._apply_key(command))
 
     def _apply_key(self, command: Command) -> None:
@@ -289,7 +289,7 @@ class Session:
         self._reveal()
 
     def _keep_frames_apart(self, live: LiveRally | None) -> None:
-        """Tell the page how far apart it draws, if it is spared and that has changed."""
+        """Tell the page how far apart it draws, if it is throttled and that has changed."""
         if live is not None and live.source.state is not None:
             self._pace.hear_pace(live.source.state.kept_share)
         if self._pace.by_software and self._pace.apart_s != self._page_apart_s:
@@ -359,7 +359,7 @@ class Session:
     @property
     def is_throttled(self) -> bool:
         """Whether updates of moving things are throttled for this page."""
-        return self._pace.spares(self._state)
+        return self._pace.throttles(self._state)
 
     @property
     def recording(self) -> Recording | None:

@@ -108,6 +108,24 @@ def plot_axis(unit: str, splits: tuple[float, ...] | None = None) -> uplot.Axis:
     return axis
 
 
+AXIS, GRID = "#9aa0aa", "#32363e"
+"""Colours of the numbers and the lines of an axis."""
+
+
+def curve_axis(size_px: int, splits: tuple[float, ...] | None = None) -> uplot.Axis:
+    """Axis of a chart of curves; `splits`: the only values that have a line and a number."""
+    axis = uplot.Axis(
+        stroke=AXIS,
+        size=size_px,
+        font="11px sans-serif",
+        grid={"stroke": GRID, "width": 1},
+        ticks={"stroke": GRID, "width": 1, "size": 4},
+    )
+    if splits is not None:
+        axis["splits"] = splits
+    return axis
+
+
 def log_scale(low: float, high: float) -> uplot.Scale:
     """A logarithmic scale of a chart.
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from app.cli.arguments import Names, Numbers, PositiveInt, flag, positional, setting_flag
 from app.cli.calibrate_intrinsics import check_destinations
-from app.cli.calibrate_stereo import SCALE_FORM, detect_tracks, lenses_of, named_paths, read_lens, read_scale
+from app.cli.calibrate_stereo import SCALE_FORM, detect_tracks, named_paths, read_lens, read_scale
 from app.cli.detector_arguments import MethodArguments
 from app.cli.progress import progress_bar
 from app.cli.rig_output import write_rig
@@ -27,7 +27,7 @@ from core.cameras.calibration.scale import Scale
 from core.cameras.calibration.table_corners import CORNERS, read_clicks
 from core.errors import CommandError
 from core.physics.config import Profile
-from core.recordings import open_recording
+from core.recordings import calibrations_of, open_recording
 from core.recordings.board_pictures import read_board_pictures
 
 DETECTING = 0.6
@@ -136,7 +136,7 @@ def _inputs(
         raise CommandError("no detector finds a wand's markers", remedy="give their places with --points")
     if arguments.recording is not None:
         with closing(open_recording(arguments.recording)) as recording:
-            lenses |= lenses_of(recording)
+            lenses |= calibrations_of(recording)
             if not found:
                 seen = detect_tracks(recording, arguments.detector, arguments.window_us, progress)
     elif not found:

@@ -30,7 +30,7 @@ from core.detection import make_detector
 from core.errors import CommandError
 from core.metrics import run_detector
 from core.physics.config import Profile
-from core.recordings import Recording, open_recording
+from core.recordings import Recording, calibrations_of, open_recording
 
 DETECTING = 0.7
 """Share of the time that the detector takes."""
@@ -138,7 +138,7 @@ def _inputs(
         tracks = {name: read_point_track(path) for name, path in arguments.detections.items()}
         if arguments.recording is not None:
             with closing(open_recording(arguments.recording)) as recording:
-                given = {**lenses_of(recording), **given}
+                given = {**calibrations_of(recording), **given}
         return tracks, given
     if arguments.swept == "wand":
         raise CommandError("no detector finds a wand's markers", remedy="give their places with --detections")
@@ -146,7 +146,7 @@ def _inputs(
         raise CommandError("nothing to calibrate from", expected="a recording, or --detections")
     with closing(open_recording(arguments.recording)) as recording:
         tracks = detect_tracks(recording, arguments.detector, arguments.window_us, progress)
-        return tracks, {**lenses_of(recording), **given}
+        return tracks, {**calibrations_of(recording), **given}
 
 
 def detect_tracks(
@@ -173,8 +173,3 @@ def read_lens(name: str, path: Path) -> Camera:
     if len(cameras) > 1 and name not in cameras:
         raise CommandError(f"no camera {name!r}", expected=f"one of {', '.join(cameras)}", where=path)
     return cameras.get(name) or next(iter(cameras.values()))
-
-
-def lenses_of(recording: Recording) -> dict[str, Camera]:
-    """The calibrated cameras of a recording."""
-    return {name: stream.calibration for name, stream in recording.cameras.items() if stream.calibration is not None}

@@ -43,7 +43,7 @@ class FrameThrottle:
 
     @property
     def apart_s(self) -> float:
-        """Time between frames of a spared page: as many for each second of the rally, however slowly that passes.
+        """Time between frames of a throttled page: as many for each second of the rally, however slowly that passes.
 
         A simulation that cannot keep up beside a page that this machine draws gets the time that fewer pictures leave.
         """
@@ -54,17 +54,17 @@ class FrameThrottle:
         """Whether the page is rendered on the CPU."""
         return self._by_software
 
-    def hurry(self) -> None:
+    def request_frame(self) -> None:
         """Draw the next frame at once, for a user's action; called from any thread."""
         self._hurried = True
 
-    def spares(self, state: ClientState | None) -> bool:
+    def throttles(self, state: ClientState | None) -> bool:
         """Whether this is a live rally on a page that is rendered on the CPU."""
         return self._by_software and state is not None and state.playhead.live and state.playhead.playing
 
     def is_due(self, state: ClientState | None, wall_s: float) -> bool:
         """Whether the browser gets its next frame now."""
-        if self.spares(state) and wall_s - self._shown_s < self.apart_s and not self._hurried:
+        if self.throttles(state) and wall_s - self._shown_s < self.apart_s and not self._hurried:
             return False
         self._hurried, self._shown_s = False, wall_s
         return True

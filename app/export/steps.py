@@ -13,7 +13,7 @@ from core.detection.methods import method_config, states_of
 from core.detection.window import windows_side_by_side
 from core.events import Window
 from core.history.following import is_stereo
-from core.recordings import Recording
+from core.recordings import Recording, calibrations_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,8 +45,7 @@ class ChainFollower:
         self._detectors: dict[str, Detector] = {}
         cameras = recording.cameras
         if is_stereo(recording):
-            calibrated = {name: one.calibration for name, one in cameras.items() if one.calibration is not None}
-            self._chain = RallyChain(calibrated, config)
+            self._chain = RallyChain(calibrations_of(recording), config)
         else:
             self._detectors = {
                 name: make_detector(config.method, one.sensor, config.detector) for name, one in cameras.items()

@@ -12,6 +12,7 @@ import viser
 from numpy.typing import NDArray
 
 from core.history.rally_picture import LandingSpot, UncertaintyEllipse
+from core.history.shown_prediction import PATH_POINTS
 from core.physics.episode import Case
 
 CASE_RGB: Final[dict[Case, tuple[int, int, int]]] = {
@@ -101,6 +102,7 @@ def spot_disc() -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
 Array = NDArray[np.float64]
 TUBE_RGB: Final = (0, 190, 255)
 SIGMAS: Final = 2.0
+"""Size of tubes, ellipses and ellipsoids of the uncertainty, in standard deviations."""
 RINGS: Final = 20
 """A tube always has this many, so that its handle is reused."""
 CORNERS: Final = 12
@@ -196,8 +198,6 @@ BEFORE_RGB: Final = (176, 205, 255)
 AFTER_RGB: Final = (0, 229, 255)
 """What is expected is cold, what was seen is warm: told apart without seeing red or green."""
 PLANE_RGB: Final = (120, 150, 200)
-PATH_POINTS: Final = 48
-"""Paths are always resampled to this many points, so that their handles are reused."""
 BEFORE_PX: Final = 2.5
 AFTER_PX: Final = 4.0
 PLANE_PX: Final = 1.2

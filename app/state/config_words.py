@@ -26,7 +26,7 @@ def settings_words(method: Method, config: DetectorConfig) -> str:
     changed = changed_settings(method, config)
     if not changed:
         return "default settings"
-    named = [f"{name} {_value_text(value)}" for name, value in list(changed.items())[:NAMED]]
+    named = [f"{name} {value_text(value)}" for name, value in list(changed.items())[:NAMED]]
     more = len(changed) - len(named)
     return ", ".join(named) + (f" and {more} more" if more else "")
 
@@ -97,5 +97,6 @@ def next_changed(changed: tuple[ChangedConfig, ...], method: Method, slot: Slot)
     return changed[(at + 1) % len(changed)] if changed else None
 
 
-def _value_text(value: object) -> str:
+def value_text(value: object) -> str:
+    """A setting's value, a float without needless digits."""
     return f"{value:g}" if isinstance(value, float) else str(value)

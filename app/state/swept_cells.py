@@ -10,10 +10,9 @@ from itertools import combinations
 from typing import Final
 
 from core.cameras.calibration import Board
-from core.cameras.calibration.coverage import CELLS_ACROSS, CELLS_DOWN
+from core.cameras.calibration.coverage import CELL_COUNT
 from core.cameras.calibration.table_corners import CORNERS
 
-CELL_COUNT: Final = CELLS_ACROSS * CELLS_DOWN
 ENOUGH: Final = 2
 """Pictures with the ball needed per cell, so that one false circle does not count."""
 

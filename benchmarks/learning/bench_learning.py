@@ -28,7 +28,7 @@ from benchmarks.learning.runs import (
 from benchmarks.machine import describe_machine
 from core.errors import ConfigError
 from core.jobs import ALONE, HERE, JobBackend, open_jobs
-from core.learning.runs.summary import rounded_number, spread_of
+from core.learning.runs.summary import finite_or_none, spread_of
 from core.learning.task.recorded_balls import ball_state_files
 
 Progress = Callable[[float], None]
@@ -145,9 +145,9 @@ def _row(experiment: Experiment, results: list[SeedResult]) -> dict[str, object]
         "speed_mps": speed,
         "episodes": experiment.config.episodes,
         "seeds": len(results),
-        "returned": rounded_number(spread_of(values_at_end(results, speed, "returned")).mean),
-        "error_mm": rounded_number(error.mean),
-        "error_std_mm": rounded_number(error.std),
-        "five_best_mm": rounded_number(spread_of([result.five_best_mm(speed) for result in results]).mean),
-        "cpu_s": rounded_number(spread_of([result.cpu_s for result in results]).mean),
+        "returned": finite_or_none(spread_of(values_at_end(results, speed, "returned")).mean),
+        "error_mm": finite_or_none(error.mean),
+        "error_std_mm": finite_or_none(error.std),
+        "five_best_mm": finite_or_none(spread_of([result.five_best_mm(speed) for result in results]).mean),
+        "cpu_s": finite_or_none(spread_of([result.cpu_s for result in results]).mean),
     }

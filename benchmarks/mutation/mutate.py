@@ -205,7 +205,10 @@ def draw(area: Area, count: int, seed: int) -> list[tuple[Mutant, str]]:
 
 
 def wilson(hits: int, count: int) -> tuple[float, float]:
-    """95 % interval of a share."""
+    """Wilson's 95 % interval of a share.
+
+    Not that of `core.metrics`: a fork that had imported the code of the checkout would not see the copy's mutant.
+    """
     if not count:
         return 0.0, 1.0
     z, p = 1.96, hits / count

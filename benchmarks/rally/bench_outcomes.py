@@ -299,7 +299,7 @@ def _cells(row: Mapping[str, object]) -> list[str]:
 
 
 class IdleRacketBackend:
-    """Another court, but for the racket."""
+    """Another backend, whose racket does not move."""
 
     def __init__(self, world_backend: EnvironmentBackend) -> None:
         self._world_backend = world_backend
@@ -315,7 +315,7 @@ class IdleRacketBackend:
         return self._world_backend.now_us
 
     def begin(self, seed: int) -> None:
-        """Start the other court anew."""
+        """Start the wrapped backend anew."""
         self._world_backend.begin(seed)
 
     def serve(self, p_m: Array, v_mps: Array, spin_radps: Array) -> None:

@@ -80,8 +80,8 @@ class CalibrationNode:
         for key in keys:
             if key in self.values:
                 return key
-        plain = {_plain_key(key): key for key in reversed(self.values) if len(key) > 2}
-        return next((plain[_plain_key(key)] for key in keys if len(key) > 2 and _plain_key(key) in plain), None)
+        plain = {plain_key(key): key for key in reversed(self.values) if len(key) > 2}
+        return next((plain[plain_key(key)] for key in keys if len(key) > 2 and plain_key(key) in plain), None)
 
     def first(self, *keys: str) -> str:
         """The first of the keys that is there; raises CalibrationError if none is."""
@@ -91,7 +91,7 @@ class CalibrationNode:
         return found
 
     def without(self, key: str) -> CalibrationNode:
-        """The same without a key."""
+        """The mapping without a key."""
         return CalibrationNode({name: value for name, value in self.values.items() if name != key}, self.where)
 
     def child(self, key: str) -> CalibrationNode:
@@ -99,7 +99,8 @@ class CalibrationNode:
         return CalibrationNode.of(self.get(key), f"{self.where}: {key}")
 
 
-def _plain_key(key: str) -> str:
+def plain_key(key: str) -> str:
+    """The small letters and digits of a key or a name: `Distortion-Model` is `distortionmodel`."""
     return re.sub(r"[^a-z0-9]", "", key.lower())
 
 

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from core.cameras.calibration_values import CalibrationNode, short_repr
+from core.cameras.calibration_values import CalibrationNode, plain_key, short_repr
 from core.cameras.distortion import COEFFICIENTS, LensModel
 from core.errors import CalibrationError
 
@@ -92,7 +92,7 @@ def find_lens(
     # The most coefficients that OpenCV's pinhole has.
     most, model = 14, None
     for name in names:
-        plain = _plain(name)
+        plain = plain_key(name)
         if plain in ZERO_ONLY and not flat.any():
             plain = "none"
         if plain in FISHEYE_NAMES:
@@ -126,7 +126,7 @@ def _stated(node: CalibrationNode) -> list[str]:
     """
     names: list[str] = []
     for key, value in _values_of_lens(node):
-        word = _plain(key)
+        word = plain_key(key)
         if word in ("fisheyemodel", "fisheye", "isfisheye"):
             if value is not None:
                 names.append("pinhole" if value in (0, False, "0", "false") else "fisheye")
@@ -139,7 +139,7 @@ def _stated(node: CalibrationNode) -> list[str]:
                     continue  # `distortion` may be a list of coefficients
                 what = f"{key} is no lens model"
                 raise CalibrationError(what, expected="a name", got=short_repr(value), where=node.where)
-            plain = _plain(value or "")
+            plain = plain_key(value or "")
             known = plain in FISHEYE_NAMES or (plain in PINHOLE_COUNTS and plain) or plain in FOREIGN_NAMES
             # A maker's name has a number (DAVIS346, EVK4); a word alone is a model that is not ours.
             named = word in ("model", "modelname") and value and not re.search(r"\d", value)
@@ -154,10 +154,6 @@ def _values_of_lens(node: CalibrationNode) -> Iterator[tuple[str, object]]:
         if isinstance(value, dict) and PARTS.search(key.lower()):
             yield from ((str(inner), item) for inner, item in value.items())
         yield key, value
-
-
-def _plain(text: str) -> str:
-    return re.sub(r"[^a-z0-9]", "", text.lower())
 
 
 def _sized(flat: Array, model: LensModel, most: int, where: str) -> Array:

@@ -343,10 +343,15 @@ def best_other(
     return best if best is not None and best.found else None
 
 
-def sample_rimless(stream: CameraStream, span_us: tuple[int, int] | None = None) -> MethodSample | None:
-    """The sample of `refined` with the settings of `RIMLESS`; None if its defaults find a ball, or these do not."""
+def sample_rimless(
+    stream: CameraStream, span_us: tuple[int, int] | None = None, *, defaults_fail: bool = False
+) -> MethodSample | None:
+    """The sample of `refined` with the settings of `RIMLESS`; None if its defaults find a ball, or these do not.
+
+    `defaults_fail`: it is known already that a sample with the defaults finds none.
+    """
     rimless = load_detector(RIMLESS)
-    if sample_method(stream, rimless.method, method_config(rimless.method), span_us).found:
+    if not defaults_fail and sample_method(stream, rimless.method, method_config(rimless.method), span_us).found:
         return None
     sample = sample_method(stream, rimless.method, rimless.config, span_us)
     return sample if sample.found else None

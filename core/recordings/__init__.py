@@ -3,7 +3,7 @@
 from core.recordings.import_feeds import ImportOrder
 from core.recordings.importing import check_import, import_recording
 from core.recordings.opening import open_recording
-from core.recordings.recording import CameraStream, Recording, Triggers, knows_ball
+from core.recordings.recording import CameraStream, Recording, Triggers, calibrations_of, knows_ball
 from core.recordings.truth import BallTruth, PixelTruth
 from core.recordings.writer import RecordingWriter
 
@@ -15,6 +15,7 @@ __all__ = [
     "Recording",
     "RecordingWriter",
     "Triggers",
+    "calibrations_of",
     "check_import",
     "import_recording",
     "knows_ball",

@@ -38,6 +38,7 @@ class FrameStream:
         *,
         first: int = 0,
         where: str = "",
+        is_part: bool = False,
     ) -> None:
         """Pictures with their times.
 
@@ -48,7 +49,9 @@ class FrameStream:
             calibration: the camera's lens and pose, where they are known.
             first: number of the first row.
             where: place of the pictures, for messages.
+            is_part: whether these are the pictures of a part of a stream, and no others.
         """
+        self._is_part = is_part
         self._images, self._where, self.calibration, self.first = images, where, calibration, first
         self.t_us = t_us
         """(N,) mid exposure."""
@@ -86,6 +89,16 @@ class FrameStream:
         before, after = np.searchsorted(self.ends_us, (start_us, end_us), side="right").tolist()
         return range(self.first + before, self.first + after)
 
+    def of_span(self, start_us: int, end_us: int) -> range:
+        """Numbers of the pictures with a mid exposure in [start_us, end_us); all of them where they are that part.
+
+        A part of a live source has what ended in it: the exposure of its first picture may have begun before.
+        """
+        if self._is_part:
+            return range(self.first, self.first + len(self))
+        first, after = np.searchsorted(self.t_us, (start_us, end_us)).tolist()
+        return range(self.first + first, self.first + after)
+
     def image(self, number: int) -> NDArray[np.uint8]:
         """(height, width) or (height, width, 3 = RGB).
 
@@ -117,10 +130,10 @@ def frames_of(recording: Recording) -> dict[str, FrameStream]:
 
 
 def frames_in_memory(frames: Sequence[CameraFrame], calibration: Camera | None = None) -> FrameStream:
-    """Pictures that are held already, in order of time."""
+    """The pictures of a part of a stream, in order of time, held in memory."""
     t_us = np.array([frame.t_us for frame in frames], np.int64)
     exposure_us = np.array([frame.exposure_us for frame in frames], np.int64)
-    return FrameStream([frame.image for frame in frames], t_us, exposure_us, calibration)
+    return FrameStream([frame.image for frame in frames], t_us, exposure_us, calibration, is_part=True)
 
 
 def read_frames(group: h5py.Group, calibration: Camera | None = None) -> FrameStream:

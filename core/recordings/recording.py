@@ -84,6 +84,11 @@ def knows_ball(recording: Recording) -> bool:
     return recording.ball is not None or any(stream.truth is not None for stream in recording.cameras.values())
 
 
+def calibrations_of(recording: Recording) -> dict[str, Camera]:
+    """Lens and pose of the event cameras that have them, by name."""
+    return {name: one.calibration for name, one in recording.cameras.items() if one.calibration is not None}
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class FrozenCamera:
     """A CameraStream with the clock of the one that it was taken from."""

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from core.errors import LabelError, RecordingError
 from core.files import replacing
 from core.recordings.hdf5 import HDF5_ERRORS, dataset_at, has_item, read_whole
-from core.recordings.sources.sony_rallies import LABEL_SUFFIX, read_t0_us
+from core.recordings.sources.sony_rallies import INSTANT_US, LABEL_SUFFIX, read_t0_us
 from labels.formats.exchange import (
     Collector,
     Exported,
@@ -31,8 +31,6 @@ from labels.formats.exchange import (
 from labels.formats.recording_group import read_labels, write_group
 from labels.model import LabelState
 
-INSTANT_US: Final = 500
-"""A label's instant within its millisecond."""
 LATEST_US: Final = 7_200_000_000
 """A row for every millisecond has to fit into memory."""
 _MS: Final = 1000

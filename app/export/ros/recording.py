@@ -25,10 +25,9 @@ from app.export.selection import DEFAULT_STRIDE_US, Span, polarity_png
 from app.export.steps import ChainFollower, window_length_us
 from app.export.task import ExportTask
 from app.export.unfinished import check_cancelled, unfinished_file, unfinished_folder
-from core.cameras import Camera
 from core.chain import ChainConfig
 from core.events import polarity_image
-from core.recordings import CameraStream, Recording
+from core.recordings import CameraStream, Recording, calibrations_of
 from core.recordings.evt3_encoder import Evt3Encoder
 from core.recordings.frames import FrameStream, frames_of
 from core.recordings.layout import Rows
@@ -108,18 +107,14 @@ def _write(file: MessageFile, streams: list[Iterable[_Message]], task: ExportTas
     task.progress(1.0)
 
 
-def _calibrated(recording: Recording) -> dict[str, Camera]:
-    return {name: one.calibration for name, one in recording.cameras.items() if one.calibration is not None}
-
-
 def _check_lenses(recording: Recording) -> None:
     """Raises CommandError, before anything is written, for a lens that ROS has no name for."""
-    for camera in _calibrated(recording).values():
+    for camera in calibrations_of(recording).values():
         ros.distortion_model(camera)
 
 
 def _calibration(recording: Recording, span: Span, messages: RosMessages) -> Iterator[_Message]:
-    cameras, clock = _calibrated(recording), clock_us(recording)
+    cameras, clock = calibrations_of(recording), clock_us(recording)
     if not cameras:
         return
     start_ns = 1000 * (span.start_us + clock)
@@ -195,7 +190,7 @@ def _truth(recording: Recording, span: Span, messages: RosMessages) -> Iterator[
     """Messages of the table, and of the true ball if the recording has it."""
     clock = clock_us(recording)
     start_ns = 1000 * (span.start_us + clock)
-    if _calibrated(recording) or recording.ball is not None:
+    if calibrations_of(recording) or recording.ball is not None:
         yield _Message(start_ns, "/table", ros.MARKER, messages.table(start_ns))
     ball = recording.ball
     if ball is None:
@@ -224,7 +219,7 @@ def _pictures(recording: Recording, span: Span, messages: RosMessages) -> list[I
 
     def of(name: str, frames: FrameStream) -> Iterator[_Message]:
         topic, clock = f"/{name}/image/compressed", clock_us(recording)
-        for number in np.flatnonzero((span.start_us <= frames.t_us) & (frames.t_us < span.end_us)).tolist():
+        for number in frames.of_span(span.start_us, span.end_us):
             image = frames.image(number)
             shown = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
             png = cv2.imencode(".png", shown, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes()

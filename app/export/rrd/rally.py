@@ -27,7 +27,8 @@ from app.export.rrd.paths import (
     stacked,
     time_column,
 )
-from app.scene.prediction import CASE_NAMES, CASE_RGB, PLACE_RGB, REFUSED_RGB
+from app.scene.arena import BLADE_RADIUS_M
+from app.scene.prediction import CASE_NAMES, CASE_RGB, PLACE_RGB, PLANE_HEIGHT_M, PLANE_WIDTH_M, REFUSED_RGB, SIGMAS
 from core.cameras import Camera
 from core.chain import BallPoint
 from core.geometry import quaternion_from_matrix, xyzw_from_wxyz
@@ -58,10 +59,7 @@ FATE_RGB = {
 }
 RACKET_RGB = (200, 24, 30)
 RACKET_TARGET_RGB = (60, 220, 120)
-BLADE_RADIUS_M = 0.08
 BLADE_M = 0.012
-PLANE_WIDTH_M = 1.6
-PLANE_HEIGHT_M = 0.7
 THICKNESS_M = 0.025
 LEG_M = 0.05
 
@@ -155,8 +153,6 @@ BEFORE_RGB = (255, 214, 10)
 AFTER_RGB = (30, 225, 110)
 RECORDED_RGB = (230, 120, 255)
 TARGET_RGB = (255, 90, 10)
-SIGMAS = 2.0
-"""Size of the uncertainty ellipsoids in standard deviations."""
 MIN_HALF_SIZE_M = 0.004
 ABOVE_M = 0.004
 EPISODE_US = 1_500_000

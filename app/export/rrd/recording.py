@@ -10,7 +10,6 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from app.export.frozen import RecordingSnapshot
 from app.export.rrd import blueprint as rrd_blueprint
 from app.export.rrd import camera as rrd_camera
 from app.export.rrd import rally as rrd_rally
@@ -170,10 +169,7 @@ class RallyWriter:
             rrd_blueprint.send_rates(stream, recording, span)
         for name, frames in _frames_of(recording, self._contents).items():
             path = picture_path(name, calibrated=True)
-            first, after = np.searchsorted(frames.t_us, (span.start_us, span.end_us)).tolist()
-            if isinstance(recording, RecordingSnapshot):  # a part of a stream: one may have begun in the part before
-                first, after = 0, len(frames)
-            rrd_camera.send_frames(stream, path, frames, range(first, after))
+            rrd_camera.send_frames(stream, path, frames, frames.of_span(span.start_us, span.end_us))
         for name, labels in self._contents.labels.items():
             placed = labels.between(span.start_us, span.end_us)
             rrd_camera.send_labels(stream, self._paths[name], placed, self._contents.stride_us)

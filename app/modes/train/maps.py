@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.formatting import percent
-from app.modes.train.plan_view import encode_plan
+from app.modes.train.plan_view import FLOOR_RGB, LINE_RGB, Picture, encode_plan
 from app.modes.train.view import Details
 from app.scene.prediction import TARGET_RGB
 from app.shared.trainer import RunState
@@ -25,15 +25,12 @@ from core.table import NET_OVERHANG_M, TABLE_LENGTH_M, TABLE_WIDTH_M
 from core.text import counted
 
 Array = NDArray[np.float64]
-Picture = NDArray[np.uint8]
 LOW_M: Final = (-0.2, -0.92)
 HIGH_M: Final = (1.65, 0.92)
 """Extent of the picture; arrows are clipped at its edge."""
 PIXELS_PER_M: Final = 360
 LEGEND_PX: Final = 64
 """Height of the legend below the table."""
-FLOOR_RGB: Final = (34, 37, 44)
-LINE_RGB: Final = (214, 219, 226)
 ARROW_RGB: Final = (255, 255, 255)
 LOST_RGB: Final = (20, 20, 24)
 """Colour of a target's dot where fewer than `MOST_RETURNED` come back."""

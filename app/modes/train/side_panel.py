@@ -17,7 +17,7 @@ from app.modes.train.status import case_counts_html, kept_html, log_html, map_ht
 from app.modes.train.view import COMPARED, ChartData, Details, RunsView
 from app.panels.recording_info import PanelLayout
 from app.views.image_view import set_png
-from app.widgets import decades, log_scale
+from app.widgets import curve_axis, decades, log_scale
 
 Array = NDArray[np.float64]
 CHART_HEIGHT_PX: Final = 110
@@ -33,14 +33,11 @@ OTHERS: Final = ("#5aa9ff", "#b98cff", "#4fd1c5")
 NOISE: Final = "#ffd60a"
 W1: Final = "#5aa9ff"
 W2: Final = "#6eeb82"
-AXIS: Final = "#9aa0aa"
-GRID: Final = "#32363e"
 ERROR_TOPS_MM: Final = (100.0, 1_000.0, 10_000.0)
 """Possible ends of the error's scale: its labels are the powers of ten."""
 LEAST_ERROR_MM: Final = 10.0
 """Lower end of the error's scale, which is logarithmic: what is learned last is a factor, not a distance."""
 WEIGHTS: Final = "weights"
-BORDER: Final = "#8b8f98"
 OUT_OF_FOCUS: Final = 0.55
 """Opacity of the other lines while the mouse is at one."""
 BORDER_SPANS: Final = {
@@ -139,7 +136,7 @@ def curve_legend_html(run: str, compared: tuple[str, ...], *, several_seeds: boo
     if several_seeds:
         entries += [(MEAN, "mean of its seeds, 95 % interval (t)"), (SEED, "every seed: mouse over a chart")]
     entries += list(zip(OTHERS, compared, strict=False))
-    entries.append((BORDER, "a stage begins"))
+    entries.append((theme.MUTED, "a stage begins"))
     shown = " &nbsp; ".join(
         f"<span style='white-space:nowrap'><span style='color:{colour}'>●</span> {html_text(name)}</span>"
         for colour, name in entries
@@ -192,27 +189,17 @@ def _axes(
     name: str, y_range: tuple[float, float], stages: tuple[tuple[float, float], ...], end: int
 ) -> tuple[uplot.Axis, ...]:
     """Axes of a chart: the logarithmic one has a line at each power of ten in its scale; above, the stages' speeds."""
-    y = _axis(size=46)  # as wide as the "10,000" of an error in mm
+    y = curve_axis(46)  # as wide as the "10,000" of an error in mm
     if name == "error_mm":
         y["splits"] = decades(*y_range)
-    above = _axis(size=STAGES_PX)
+    above = curve_axis(STAGES_PX)
     above |= {"scale": "x", "side": 0, "align": 1, "gap": 1, "grid": {"show": False}, "ticks": {"show": False}}
     above["splits"] = tuple(start for start, _ in stages)
     above["values"] = stage_labels(stages, end)
-    return _axis(size=22), y, above
+    return curve_axis(22), y, above
 
 
-def _axis(size: int) -> uplot.Axis:
-    return uplot.Axis(
-        stroke=AXIS,
-        size=size,
-        font="11px sans-serif",
-        grid={"stroke": GRID, "width": 1},
-        ticks={"stroke": GRID, "width": 1, "size": 4},
-    )
-
-
-_BORDER_SERIES: Final = uplot.Series(label="stage", stroke=BORDER, width=1, dash=(3, 3), points={"show": False})
+_BORDER_SERIES: Final = uplot.Series(label="stage", stroke=theme.MUTED, width=1, dash=(3, 3), points={"show": False})
 
 
 def _curve_series(seeds: tuple[int, ...]) -> tuple[uplot.Series, ...]:

@@ -17,6 +17,7 @@ from app.background.child import ChildProcess, share_in
 from app.formatting import html_text, share_text, table_row, with_dashes_explained
 from app.modes.tune.label_score import find_reference
 from app.modes.tune.settings import stage_counts_html
+from app.state.config_words import value_text
 from core.detection import DetectorConfig
 from core.detection.methods import Method
 from core.detection.saved import load_detector, save_detector
@@ -129,7 +130,7 @@ def _thresholds(report: TuningReport) -> str:
         share = report.importance.get(name)
         bar = "" if share is None else f"{_bar(share)} {100 * share:.0f} %"
         rows.append(
-            table_row((html_text(name), html_text(_value_text(before)), html_text(_value_text(after)), bar), CELL)
+            table_row((html_text(name), html_text(value_text(before)), html_text(value_text(after)), bar), CELL)
         )
     return "".join(rows)
 
@@ -149,10 +150,6 @@ def _row(side: str, config: str, figures: Figures) -> str:
 
 def _head(titles: tuple[str, ...]) -> str:
     return table_row(titles, f"text-align:left;font-weight:500;{CELL}", tag="th")
-
-
-def _value_text(value: object) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 LOOK_S: Final = 0.1

@@ -15,15 +15,13 @@ from app.formatting import html_text
 from app.modes.tune.compare_run import CompareAnswer, comparison_html, method_css, stretch_names, stretches_html
 from app.state.client_state import ClientState
 from app.state.commands import Command, CompareMethod, SetSideBySide
-from app.widgets import Choice, Listing, decades, log_scale, when_changed, when_clicked
+from app.widgets import Choice, Listing, curve_axis, decades, log_scale, when_changed, when_clicked
 from core.detection.methods import METHODS, Method
 from core.errors import CommandError
 from core.metrics.compare import ErrorRun
 
 Array = NDArray[np.float64]
 HEIGHT_PX: Final = 94
-AXIS: Final = "#9aa0aa"
-GRID: Final = "#32363e"
 STEP_RANGE_MS: Final = (0.01, 30.0)
 """Ends of the logarithmic scale, ms: from `auto` in a region to EBPP on the whole sensor."""
 WIDEST_PX: Final = 5
@@ -59,7 +57,7 @@ class MethodCharts:
                     (answer.axis_s, *columns[name]),
                     _series(),
                     scales=scales,
-                    axes=(_axis(22), _axis(38, decades(*STEP_RANGE_MS) if name == "step" else None)),
+                    axes=(curve_axis(22), curve_axis(38, decades(*STEP_RANGE_MS) if name == "step" else None)),
                     legend=uplot.Legend(show=False),
                     height=HEIGHT_PX,
                     padding=(6, 14, 0, 2),
@@ -114,20 +112,6 @@ def _series() -> tuple[uplot.Series, ...]:
         for number, method in enumerate(METHODS)
     )
     return (uplot.Series(label="s"), *lines)
-
-
-def _axis(size: int, splits: tuple[float, ...] | None = None) -> uplot.Axis:
-    """Options of an axis; `splits`: the only values that have a line and a number."""
-    axis = uplot.Axis(
-        stroke=AXIS,
-        size=size,
-        font="11px sans-serif",
-        grid={"stroke": GRID, "width": 1},
-        ticks={"stroke": GRID, "width": 1, "size": 4},
-    )
-    if splits is not None:
-        axis["splits"] = splits
-    return axis
 
 
 def _title(text: str) -> str:

@@ -15,7 +15,7 @@ from app.background.jobs import LatestWins
 from app.formatting import html_text, percent
 from app.modes.tune.candidates import reasons_html
 from core.detection import DetectorConfig
-from core.detection.methods import Method
+from core.detection.methods import Method, method_config
 from core.metrics.run import MethodSample, best_other, duration_of, sample_method, sample_rimless
 from core.recordings import CameraStream
 from core.text import counted
@@ -119,11 +119,14 @@ def answer_sample(request: SampleRequest) -> SampleAnswer:
     if request.live:
         end_us = duration_of(stream)
         span_us = max(0, end_us - LIVE_US), end_us
-    sample = sample_method(stream, request.method, request.configs[request.method], span_us)
+    config = request.configs[request.method]
+    sample = sample_method(stream, request.method, config, span_us)
     others = {name: config for name, config in request.configs.items() if name not in SAME}
     if sample.found or not sample.windows:
         return SampleAnswer(sample, None, request.live)
-    other, rimless = best_other(stream, request.method, others, span_us), sample_rimless(stream, span_us)
+    other = best_other(stream, request.method, others, span_us)
+    defaults_fail = request.method == "refined" and config == method_config("refined")
+    rimless = sample_rimless(stream, span_us, defaults_fail=defaults_fail)
     if rimless is not None and other is not None and other.share >= rimless.share:
         rimless = None
     return SampleAnswer(sample, other, request.live, rimless)

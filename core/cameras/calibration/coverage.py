@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 CELLS_ACROSS: Final = 8
 CELLS_DOWN: Final = 6
+CELL_COUNT: Final = CELLS_ACROSS * CELLS_DOWN
 
 
 def cells_of(uvs_px: ArrayLike, sensor: SensorSize) -> NDArray[np.int64]:
@@ -43,11 +44,10 @@ def cell_box(cell: int, sensor: SensorSize) -> tuple[float, float, float, float]
 
 def coverage(uvs_px: ArrayLike, sensor: SensorSize) -> float:
     """Share of the picture's cells that hold one of the pixels (N, 2)."""
-    return len(np.unique(cells_of(uvs_px, sensor))) / (CELLS_ACROSS * CELLS_DOWN)
+    return len(np.unique(cells_of(uvs_px, sensor))) / CELL_COUNT
 
 
 Array = NDArray[np.float64]
-CELL_COUNT: Final = CELLS_ACROSS * CELLS_DOWN
 PICTURES_WANTED: Final = 15
 TILT_WANTED_DEG: Final = 20.0
 """To both sides about both axes: less, and focal length and distance are told apart by little."""

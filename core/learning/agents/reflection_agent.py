@@ -1,8 +1,8 @@
 """The landing model without networks, with the known law of reflection: for noisy states and rackets.
 
-After each ball the law's numbers are fitted anew. The actor, one layer of fixed random features, then takes a step of
-Gauss and Newton towards strokes that land, by the law and for the believed state, near drawn targets. A stroke beyond
-what the racket can do counts as the one that it can: at 9 m/s a seventh of all targets is out of reach.
+After each ball the model's numbers are fitted anew. The actor, one layer of fixed random features, then takes a step of
+Gauss and Newton towards strokes that land, by the model and for the posterior mean of the state, near drawn targets. A
+stroke beyond what the racket can do counts as the one that it can: at 9 m/s a seventh of all targets is out of reach.
 """
 
 from __future__ import annotations
@@ -161,18 +161,18 @@ class ReflectionAgent:
         every = 1 + progress.episode // self._run.landing_model.full_episodes
         if progress.episode % every != 0:
             return Losses(math.nan, math.nan)
-        belief = StatePosterior(buffer.column("state").astype(np.float64), self._run.environment)
-        law = self._law_of(buffer, belief)
-        if law is None:
+        posterior = StatePosterior(buffer.column("state").astype(np.float64), self._run.environment)
+        model = self._fit_model(buffer, posterior)
+        if model is None:
             return Losses(math.nan, math.nan)
         off_m = math.nan
         for _ in range(STEPS if self._actor.outputs.any() else FIRST_STEPS):
-            off_m = self._step(law, belief, buffer, rng)
-        return Losses(law.scatter_mps, off_m)
+            off_m = self._step(model, posterior, buffer, rng)
+        return Losses(model.scatter_mps, off_m)
 
-    def _law_of(self, buffer: ReplayBuffer, belief: StatePosterior) -> ReflectionModel | None:
+    def _fit_model(self, buffer: ReplayBuffer, posterior: StatePosterior) -> ReflectionModel | None:
         balls = replay_states(buffer)
-        states = belief(balls.states)
+        states = posterior(balls.states)
         velocities = velocities_after(states, balls.landings_m, balls.net_z_m)
         found = np.isfinite(velocities).all(axis=1)
         if found.sum() < FEWEST_BALLS:
@@ -181,17 +181,17 @@ class ReflectionAgent:
         return ReflectionModel(states[found], rackets, actions, velocities[found], self._run.environment.task.stroke)
 
     def _step(
-        self, law: ReflectionModel, belief: StatePosterior, buffer: ReplayBuffer, rng: np.random.Generator
+        self, model: ReflectionModel, posterior: StatePosterior, buffer: ReplayBuffer, rng: np.random.Generator
     ) -> float:
         """Improve the actor on new situations; returns its mean landing error, m."""
         perceived, rackets = draw_situations(buffer, SITUATIONS, rng)
         goals = draw_goals(SITUATIONS, sampling_box(self._goal), rng)
-        states, features = belief(perceived), self._actor.features(perceived, rackets, goals)
+        states, features = posterior(perceived), self._actor.features(perceived, rackets, goals)
         wanted = features @ self._actor.outputs
         actions = np.clip(wanted, -1.0, 1.0)
 
         def off_m(played: Array) -> Array:
-            return landings_of(states, law(states, rackets, played)) - goals
+            return landings_of(states, model(states, rackets, played)) - goals
 
         off = off_m(actions)
         slopes = [_slope(off_m, actions, off, k) for k in (1, 2)]
@@ -209,7 +209,7 @@ class ReflectionAgent:
         return self._actor.policy(self._run)
 
     def to_arrays(self) -> dict[str, NDArray[np.generic]]:
-        """The actor; the law is made of the buffer."""
+        """The actor; the model is made of the buffer."""
         return self._actor.to_arrays()
 
     def restore(self, arrays: dict[str, NDArray[np.generic]]) -> None:

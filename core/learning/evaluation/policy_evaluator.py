@@ -208,7 +208,7 @@ class PolicyEvaluator:
     """Evaluates policies on the fixed balls of an environment, which are made once."""
 
     def __init__(self, config: EnvironmentConfig, balls: int, backend: EpisodeBackend | None = None) -> None:
-        """A court shows the balls, once; the strokes are played in closed form, by a racket that is there in time.
+        """A backend shows the balls, once; the strokes are played in closed form, by a racket that is there in time.
 
         Where outcomes are those that cameras see, every stroke is played out before cameras.
         """

@@ -124,14 +124,14 @@ def baseline_row(evaluator: PolicyEvaluator, speed_mps: float, environment: Envi
     """What the trivial policies and the oracle score at a speed."""
     found = score_trivial_policies(evaluator, speed_mps, environment)
     row: dict[str, object] = {
-        name: {"returned": score.return_rate, "error_mm": rounded_number(score.error_mm)}
+        name: {"returned": score.return_rate, "error_mm": finite_or_none(score.error_mm)}
         for name, score in (("zero", found.zero), ("random", found.random), ("oracle", found.oracle))
     }
-    return row | {"constant_centre": {"error_mm": rounded_number(found.constant_mm)}}
+    return row | {"constant_centre": {"error_mm": finite_or_none(found.constant_mm)}}
 
 
-def rounded_number(value: float) -> float | None:
-    """Number for JSON; None if unknown."""
+def finite_or_none(value: float) -> float | None:
+    """The number itself, None if it is not finite: JSON has neither nan nor infinity."""
     return float(value) if math.isfinite(value) else None
 
 
@@ -149,7 +149,7 @@ def _distribution(errors_mm: Array) -> dict[str, float | None]:
 
 def _spread_row(spread: SeedSpread) -> dict[str, object]:
     return {
-        "mean": rounded_number(spread.mean),
-        "std": rounded_number(spread.std),
-        "interval95": [rounded_number(spread.low), rounded_number(spread.high)],
+        "mean": finite_or_none(spread.mean),
+        "std": finite_or_none(spread.std),
+        "interval95": [finite_or_none(spread.low), finite_or_none(spread.high)],
     }

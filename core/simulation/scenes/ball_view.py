@@ -125,10 +125,6 @@ def _within(cone, line, n):
     return (max(low, 0.0), min(high, float(n))) if low <= n and high >= 0.0 else (math.inf, -math.inf)
 
 
-BOX_MARGIN_PX = 1.5
-"""Beyond half an edge, for the curvature of the outline between its points and for rounding."""
-
-
 Array = NDArray[np.float64]
 
 STEP_PX = 0.35

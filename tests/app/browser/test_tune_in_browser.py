@@ -51,7 +51,7 @@ def test_it_begins_with_refined_and_the_file_that_is_saved_names_it(window, work
 def test_the_settings_for_a_ball_without_a_rim_are_offered_and_undone(window, monkeypatch) -> None:
     where = "app.modes.tune.nothing_found"
     monkeypatch.setattr(f"{where}.best_other", lambda *_: None)
-    monkeypatch.setattr(f"{where}.sample_rimless", lambda *_: MethodSample("refined", 300, 215, ()))
+    monkeypatch.setattr(f"{where}.sample_rimless", lambda *_, **__: MethodSample("refined", 300, 215, ()))
     strict = replace_setting(refined_config(), ("refined", "points_min"), 200)
     window.session.send(UseConfig(strict, "refined"))
     window.seek(BALL_US)

@@ -52,17 +52,17 @@ def test_what_stands_still_and_a_recording_are_not_slowed(head: Playhead) -> Non
 
 def test_only_a_live_rally_that_the_processor_draws_is_spared() -> None:
     pace = FrameThrottle()
-    assert not pace.spares(state_of())
+    assert not pace.throttles(state_of())
     pace.hear({"software": True})
-    assert pace.spares(state_of()) and not pace.spares(None)
-    assert not pace.spares(state_of(replace(LIVE, playing=False, following=False)))
+    assert pace.throttles(state_of()) and not pace.throttles(None)
+    assert not pace.throttles(state_of(replace(LIVE, playing=False, following=False)))
 
 
 def test_who_asks_for_something_does_not_wait() -> None:
     pace = FrameThrottle()
     pace.hear({"software": True})
     assert pace.is_due(state_of(), 1.0) and not pace.is_due(state_of(), 1.05)
-    pace.hurry()
+    pace.request_frame()
     assert pace.is_due(state_of(), 1.06) and not pace.is_due(state_of(), 1.08)
     assert pace.is_due(state_of(), 1.07 + FEW_EVERY_S)
 

@@ -10,7 +10,7 @@ from core.errors import EventsError
 from core.events import CameraFrame, Events, SensorSize, Window
 from core.metrics.run import run_on_frames
 from core.recordings import RecordingWriter, open_recording
-from core.recordings.frames import frame_windows, window_of
+from core.recordings.frames import frame_windows, frames_in_memory, window_of
 
 SENSOR = SensorSize(6, 4)
 
@@ -69,3 +69,11 @@ def test_a_picture_that_is_not_of_the_window_is_refused() -> None:
     assert window_of(frame).start_us == 4950
     with pytest.raises(EventsError, match="a picture outside its window"):
         Window(Events.empty(SENSOR), 0, 5000, frame)
+
+
+def test_a_span_has_the_pictures_of_its_mid_exposures_and_a_part_all_that_it_was_given(recording) -> None:
+    with open_recording(recording) as file:
+        frames = file.frames["rgb"]
+        part = frames_in_memory([frames.frame(number) for number in frames.ending_within(1000, 21_251)])
+        assert [*frames.of_span(1001, 41_000)] == [1] and [*frames.of_span(1000, 41_001)] == [0, 1, 2]
+    assert part.t_us.tolist() == [1000, 21_000] and [*part.of_span(1001, 21_251)] == [0, 1]

@@ -1,7 +1,7 @@
 """Bounces, hits and net touches in Label, without a browser: on the disk, taken back, proposed and accepted."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -38,13 +38,6 @@ PROPOSED = ContactLabel(
     sigma_us=120.0,
     provenance=Provenance(source=PositionSource.ACCEPTED, detector="refined#1"),
 )
-
-
-@pytest.fixture
-def bench(tmp_path: Path, serve_recording: Path) -> Iterator[Bench]:
-    bench = Bench(tmp_path / "labels", serve_recording)
-    yield bench
-    bench.close()
 
 
 def stored(bench: Bench, camera: str = "left") -> tuple[ContactLabel, ...]:

@@ -1,6 +1,5 @@
 """What Label says of a ball and of its queue, and where it leads: on entry, and after an undo."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +14,6 @@ from app.modes.label.status import Checked, here_html, save_html, status_words
 from app.modes.label.suggestions import nothing_suspicious_words
 from labels.model import PositionSource
 from tests.app.modes.label.label_bench import BALL_US, Bench, propose
-
-
-@pytest.fixture
-def bench(tmp_path: Path, serve_recording: Path) -> Iterator[Bench]:
-    bench = Bench(tmp_path / "labels", serve_recording)
-    yield bench
-    bench.close()
 
 
 def test_a_circle_of_a_wrong_size_is_no_good_news_and_the_reason_comes_before_it(bench: Bench) -> None:

@@ -60,11 +60,13 @@ def camera_of(events: Events) -> FrozenCamera:
     return FrozenCamera("camera", events.sensor, None, None, none, events, counts)
 
 
-def test_where_only_the_settings_for_a_ball_without_a_rim_find_one_they_are_offered() -> None:
-    glow = camera_of(draw_glow(bright=True))
+def test_where_only_the_settings_for_a_ball_without_a_rim_find_one_they_are_offered(monkeypatch) -> None:
+    glow, sampled = camera_of(draw_glow(bright=True)), []
+    monkeypatch.setattr("core.metrics.run.sample_method", lambda *args: sampled.append(args[2]) or sample_method(*args))
     answer = answer_sample(SampleRequest(1, glow, "refined", {"refined": method_config("refined")}))
     assert answer.sample.found == 0 and answer.rimless is not None and answer.rimless.share > 0.5
     assert "<b>refined</b> with the settings for a ball without a rim: " in nothing_found_html(answer)
+    assert sampled == [load_detector(RIMLESS).config], "the defaults have just been sampled"
     again = answer_sample(SampleRequest(2, glow, "refined", {"refined": load_detector(RIMLESS).config}))
     assert again.sample.share == answer.rimless.share and nothing_found_html(again) == "", "when they are used"
 
@@ -110,47 +112,42 @@ def test_of_a_live_source_the_last_seconds_are_sampled(live: RingRecording) -> N
     assert "href='#setting-refined-" in html
 
 
+class Here:
+    """A pool that does its work at once, and counts it."""
+
+    def __init__(self) -> None:
+        self.asked = 0
+
+    def submit(self, work) -> Future:
+        self.asked += 1
+        work()
+        return Future()
+
+
 def test_a_live_source_is_sampled_again_while_there_is_no_ball(request_of) -> None:
-    asked, shown = [], []
-
-    class Here:
-        """A pool that does its work at once."""
-
-        def submit(self, work) -> Future:
-            asked.append(1)
-            work()
-            return Future()
-
-    mine = NothingFound(Here(), lambda act: act(), pytest.fail, lambda text, _: shown.append(text))  # type: ignore[arg-type]
+    pool, shown = Here(), []
+    mine = NothingFound(pool, lambda act: act(), pytest.fail, lambda text, _: shown.append(text))  # type: ignore[arg-type]
     request = replace(request_of(1), live=True)
     for wall_s, times in ((0.0, 0), (2.0, 1), (5.0, 1), (13.0, 2), (14.0, 2)):
         mine.want(request, wall_s)
         mine.tick(wall_s)
-        assert len(asked) == times
+        assert pool.asked == times
     assert "of the last 5 s" in shown[-1]
 
 
-def test_a_config_is_sampled_once_when_it_has_rested(request_of, monkeypatch) -> None:
-    class Here:
-        """A pool that does its work at once."""
-
-        def submit(self, work) -> Future:
-            asked.append(1)
-            work()
-            return Future()
-
-    asked, shown, failed = [], [], []
-    mine = NothingFound(Here(), lambda act: act(), failed.append, lambda text, _: shown.append(text))  # type: ignore[arg-type]
+def test_a_config_is_sampled_once_when_it_has_rested(request_of) -> None:
+    pool, shown, failed = Here(), [], []
+    mine = NothingFound(pool, lambda act: act(), failed.append, lambda text, _: shown.append(text))  # type: ignore[arg-type]
     mine.want(request_of(1), 0.0)
     mine.tick(1.0)
     mine.want(request_of(2), 1.0)  # the slider moves on
     mine.tick(2.0)
-    assert not asked, "it has not rested"
+    assert not pool.asked, "it has not rested"
     for wall_s in (2.6, 3.0, 9.0):
         mine.want(request_of(2), wall_s)
         mine.tick(wall_s)
-    assert len(asked) == 1 and not failed and "refined finds no ball" in shown[-1]
+    assert pool.asked == 1 and not failed and "refined finds no ball" in shown[-1]
     mine.want(None, 10.0)
     assert shown[-1] == "", "a window with a ball"
     mine.want(request_of(2), 11.0)
-    assert "refined finds no ball" in shown[-1] and len(asked) == 1, "it is known"
+    assert "refined finds no ball" in shown[-1] and pool.asked == 1, "it is known"

@@ -9,13 +9,12 @@ from core.geometry import invert_transform
 from core.simulation import SceneConfig
 from core.simulation.flights import BallStates, VisibleRange
 from core.simulation.scenes.ball_view import (
-    BOX_MARGIN_PX,
     STEP_PX,
     ball_and_shadow_boxes,
     ball_shading_rows,
     picture_speed,
 )
-from core.simulation.scenes.lens import boxes_round, lens_of
+from core.simulation.scenes.lens import BOX_MARGIN_PX, boxes_round, lens_of
 from core.simulation.scenes.scene import LIGHT_SIZE, TO_LIGHT_WORLD
 from core.simulation.scenes.shading import INNER_STRIDE
 from core.table import BALL_RADIUS_M, TABLE_HEIGHT_M, TABLE_LENGTH_M, TABLE_WIDTH_M
