@@ -30,7 +30,7 @@ from core.live.link.live_source import LimitedRobot, LiveSource
 from core.live.live_flight import CommandSender, LiveFlight, QueuedCommand
 from core.live.live_pictures import LiveFrameCameras
 from core.live.live_snapshot import FinishedBall, LiveMeter, RallySnapshot
-from core.live.urgency import go_first
+from core.live.urgency import freeze_loaded, go_first
 from core.live.warm_up import load_strokes, warm_up
 from core.physics.config import PhysicsConfig
 from core.recordings.frames import FrameStream
@@ -125,6 +125,7 @@ class LivePlayer:
         self._ball_listeners: tuple[BallListener, ...] = ()
         self._sender = None if source.robot is None else CommandSender(source, source.robot)
         self._number = itertools.count(1)
+        self._newest: QueuedCommand | None = None  # of the block that is being played
         self._snapshot = self._flight.snapshot(0, "", self._controller, self._playing, self._meter, NOBODY)
         self._thread = threading.Thread(target=self._run, name="live-player", daemon=True)
         self._thread.start()
@@ -285,6 +286,7 @@ class LivePlayer:
     def _run(self) -> None:
         go_first()
         self._warm_up()
+        freeze_loaded()
         self._source.add_listener(self)
         while True:
             with self._changed:
@@ -389,8 +391,10 @@ class LivePlayer:
             return
         decode_s = time.monotonic() - began_s
         windows_of = block_windows(events, state.start_us, state.t_us, self._config.window_us) if events else ()
-        for windows in add_pictures(windows_of, self._pictures_to_look_at(block)):
-            self._follow(player.step(windows), block, decode_s)
+        steps = tuple(add_pictures(windows_of, self._pictures_to_look_at(block)))
+        self._newest = None
+        for number, windows in enumerate(steps, 1):
+            self._follow(player.step(windows), block, decode_s, is_last=number == len(steps))
         self._meter.note_block()
 
     def _pictures_to_look_at(self, block: _ReceivedBlock) -> dict[str, FrameStream]:
@@ -419,12 +423,16 @@ class LivePlayer:
         racket = self._flight.racket
         player.rest_m = None if racket is None else racket.p_world_m
 
-    def _follow(self, state: PlayerState, block: _ReceivedBlock, decode_s: float) -> None:
+    def _follow(self, state: PlayerState, block: _ReceivedBlock, decode_s: float, *, is_last: bool) -> None:
         self._meter.note_step(state.chain.seconds.total + state.control_s)
         playing = self._playing
         decision = self._flight.follow(state, playing=playing)
-        if decision is not None and playing and self._sender is not None:
-            self._sender.put(self._order(decision, block, state, decode_s))
+        if decision is not None:
+            self._newest = self._order(decision, block, state, decode_s)
+        # One command a block: what an earlier window decides is up to 8 ms older, and the newest would wait until the
+        # robot has answered to it.
+        if is_last and playing and self._newest is not None and self._sender is not None:
+            self._sender.put(self._newest)
         for listener in self._step_listeners:
             listener(self._session, state, decision)
         if state.chain.is_new:

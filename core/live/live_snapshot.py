@@ -82,8 +82,8 @@ class Percentiles:
 STAGES: Final = ("window", "queue", "decode", "detect", "stereo", "filter", "solve", "send", "robot")
 """The way of a command, in its order: from the end of its window to the arrival of its block (the rest of the block,
 and the link), waiting for the player (earlier windows of the block among it), events from the message, detectors of all
-cameras, triangulation, filter and prediction, controller, waiting in the thread that sends (for the answer to the
-command before, too), the robot's answer."""
+cameras, triangulation, filter and prediction, controller, waiting in the thread that sends (before it for later windows
+of the block that decided nothing, then for the answer to the command before), the robot's answer."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,5 @@
-"""What lets the threads between camera and robot go first: in the interpreter, and where the system allows it.
+"""What lets the threads between camera and robot go first: in the interpreter, and where the system allows it; and
+what keeps the garbage collector from stopping them.
 
 They compute a millisecond in ten, but share the interpreter with pictures and pages. A thread that comes back from
 compiled code or a wait asks for the interpreter, and gets it only when its holder's turn is over.
@@ -6,6 +7,8 @@ compiled code or a wait asks for the interpreter, and gets it only when its hold
 
 from __future__ import annotations
 
+import functools
+import gc
 import logging
 import os
 import sys
@@ -23,6 +26,13 @@ NICENESS: Final = -10
 def shorten_turns() -> None:
     """Let waiting threads of this process have the interpreter after `TURN_S`."""
     sys.setswitchinterval(TURN_S)
+
+
+@functools.cache  # once in a process: what is garbage later, such as a rally that was closed, must be freed
+def freeze_loaded() -> None:
+    """Keep the garbage collector from what is loaded by now: a look through it stops all threads for 0.1 s or more."""
+    gc.collect()
+    gc.freeze()
 
 
 def go_first(niceness: int = NICENESS) -> bool:

@@ -19,7 +19,7 @@ STAGE_WORDS: Final = {
     "stereo": "Its place in space",
     "filter": "Its flight, and the prediction",
     "solve": "The stroke that sends it to the target",
-    "send": "Until the command is under way; the answer to the one before is waited for",
+    "send": "Until it is under way: the block's later windows, and the answer to the command before",
     "robot": "Until the robot or the simulation has answered",
 }
 """What each stage of a command's way is, as a tooltip."""

@@ -12,7 +12,7 @@ import pytest
 
 from core.cameras import stereo_preset
 from core.chain import ChainConfig
-from core.chain.control.controller import BuiltInController
+from core.chain.control.controller import BuiltInController, RacketDecision
 from core.chain.control.player import PlayerState
 from core.errors import ConfigError
 from core.events import SensorSize
@@ -165,6 +165,33 @@ def test_controllers_goals_and_settings_are_swapped_while_it_runs(rally) -> None
     player.configure(LivePlayerConfig())
     with pytest.raises(ConfigError, match="divisor"):
         LivePlayerConfig(window_us=3000)
+
+
+def test_a_block_leads_to_one_command_which_is_its_newest_decision(rally, monkeypatch) -> None:
+    client, player, _ = rally
+    aim_racket, sent, decided = client.aim_racket, [], []
+
+    def note_command(p_m, q_wxyz, v_mps, t_us, cameras=()):
+        sent.append((p_m, t_us))
+        return aim_racket(p_m, q_wxyz, v_mps, t_us, cameras)
+
+    def note_decision(session: str, state: PlayerState, decision: RacketDecision | None) -> None:
+        if decision is not None:
+            decided.append(decision)
+
+    eventually(lambda: player.snapshot.phase == "idle" and player.idle, "no ball to fly")
+    client.pause()
+    monkeypatch.setattr(client, "aim_racket", note_command)
+    player.add_listener(note_decision)
+    client.serve(5.0)
+    played = player.snapshot.played
+    while player.snapshot.played == played:
+        play_block(client, player)
+    player.remove_listener(note_decision)
+    client.resume()
+    newest = {(one.t_us - 1) // BLOCK_US: one.target for one in decided}
+    assert len(decided) > 2 * len(newest), "most blocks have several decisions"
+    assert sent == [(tuple(one.p_m.tolist()), round(1e6 * one.t_s)) for one in newest.values()]
 
 
 def test_a_player_that_only_watches_sends_nothing(rally) -> None:

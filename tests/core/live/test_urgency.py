@@ -1,5 +1,6 @@
 """Turns in the interpreter and priorities of the threads between camera and robot."""
 
+import gc
 import os
 import subprocess
 import sys
@@ -7,7 +8,7 @@ import threading
 
 import pytest
 
-from core.live.urgency import NICENESS, TURN_S, go_first, shorten_turns
+from core.live.urgency import NICENESS, TURN_S, freeze_loaded, go_first, shorten_turns
 
 
 def test_turns_are_shorter_than_python_s_own() -> None:
@@ -17,6 +18,19 @@ def test_turns_are_shorter_than_python_s_own() -> None:
         assert sys.getswitchinterval() == pytest.approx(TURN_S) and TURN_S < 0.005
     finally:
         sys.setswitchinterval(before)
+
+
+def test_what_is_loaded_is_out_of_the_collectors_sight_and_what_comes_later_is_not() -> None:
+    gc.unfreeze()
+    freeze_loaded.cache_clear()
+    try:
+        freeze_loaded()
+        frozen = gc.get_freeze_count()
+        later = [[] for _ in range(1000)]
+        freeze_loaded()
+        assert frozen > 1000 and gc.get_freeze_count() <= frozen and len(later) == 1000
+    finally:
+        gc.unfreeze()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="threads have priorities of their own on Linux only")
