@@ -311,6 +311,6 @@ def test_two_tables_in_different_units_are_refused_where_one_of_them_is_assumed(
     for path, scale in zip(paths, (1, factor), strict=True):
         rows = "".join(f"{7 * scale * k + 11},{k % 300},{k % 200},{k % 2}\n" for k in range(3000))
         path.write_text(f"t,x,y,p\n{rows}")
-    with pytest.raises(RecordingError, match=f"about {factor:,} times those of the other.*name the unit"):
+    with pytest.raises(RecordingError, match=f"about {factor:,} times those of the other.*one for each source"):
         import_recording(ImportOrder(paths, sensor=SENSOR), tmp_path / "a.h5")
     assert not (tmp_path / "a.h5").exists()
