@@ -178,10 +178,9 @@ def _simulate(arguments: SimulateArguments, progress: Progress) -> SimulatedReco
 
 
 def _describe(made: SimulatedRecording) -> str:
-    noun = "serve" if made.serves == 1 else "serves"
     events = ", ".join(f"{name} {count:,}" for name, count in made.events.items())
     frames = f", {counted(made.frames, 'frame')}" if made.frames else ""
-    line = f"{made.path}: {made.serves} {noun}, {made.duration_us / 1e6:.3f} s, events: {events}{frames}"
+    line = f"{made.path}: {counted(made.serves, 'serve')}, {made.duration_us / 1e6:.3f} s, events: {events}{frames}"
     dropped = (
         f"the readout of {name} dropped {counted(count, 'event')}" for name, count in made.dropped.items() if count
     )

@@ -155,7 +155,7 @@ def harmless_hot_pixels(pixels: int) -> int:
 
 def _frames_words(title: str, t_us: NDArray[np.int64]) -> str:
     """How many pictures an ordinary camera took, how often, and the longest time between two."""
-    words = f"{html_text(title)}: {len(t_us)} {'picture' if len(t_us) == 1 else 'pictures'}"
+    words = f"{html_text(title)}: {counted(len(t_us), 'picture')}"
     if len(t_us) < 2 or t_us[-1] <= t_us[0]:
         return words
     rate_hz, longest_us = 1e6 * (len(t_us) - 1) / int(t_us[-1] - t_us[0]), int(np.diff(t_us).max())

@@ -125,7 +125,6 @@ class LivePlayer:
         self._ball_listeners: tuple[BallListener, ...] = ()
         self._sender = None if source.robot is None else CommandSender(source, source.robot)
         self._number = itertools.count(1)
-        self._newest: QueuedCommand | None = None  # of the block that is being played
         self._snapshot = self._flight.snapshot(0, "", self._controller, self._playing, self._meter, NOBODY)
         self._thread = threading.Thread(target=self._run, name="live-player", daemon=True)
         self._thread.start()
@@ -392,9 +391,19 @@ class LivePlayer:
         decode_s = time.monotonic() - began_s
         windows_of = block_windows(events, state.start_us, state.t_us, self._config.window_us) if events else ()
         steps = tuple(add_pictures(windows_of, self._pictures_to_look_at(block)))
-        self._newest = None
+        newest: QueuedCommand | None = None
         for number, windows in enumerate(steps, 1):
-            self._follow(player.step(windows), block, decode_s, is_last=number == len(steps))
+            step = player.step(windows)
+            playing = self._playing  # it may change meanwhile
+            self._meter.note_step(step.chain.seconds.total + step.control_s)
+            decision = self._flight.follow(step, playing=playing)
+            if decision is not None:
+                newest = self._order(decision, block, step, decode_s)
+            # One command a block: what an earlier window decides is up to 8 ms older, and the newest would wait until
+            # the robot has answered to it.
+            if number == len(steps) and playing and newest is not None and self._sender is not None:
+                self._sender.put(newest)
+            self._inform_listeners(step, decision, playing=playing)
         self._meter.note_block()
 
     def _pictures_to_look_at(self, block: _ReceivedBlock) -> dict[str, FrameStream]:
@@ -423,16 +432,7 @@ class LivePlayer:
         racket = self._flight.racket
         player.rest_m = None if racket is None else racket.p_world_m
 
-    def _follow(self, state: PlayerState, block: _ReceivedBlock, decode_s: float, *, is_last: bool) -> None:
-        self._meter.note_step(state.chain.seconds.total + state.control_s)
-        playing = self._playing
-        decision = self._flight.follow(state, playing=playing)
-        if decision is not None:
-            self._newest = self._order(decision, block, state, decode_s)
-        # One command a block: what an earlier window decides is up to 8 ms older, and the newest would wait until the
-        # robot has answered to it.
-        if is_last and playing and self._newest is not None and self._sender is not None:
-            self._sender.put(self._newest)
+    def _inform_listeners(self, state: PlayerState, decision: RacketDecision | None, *, playing: bool) -> None:
         for listener in self._step_listeners:
             listener(self._session, state, decision)
         if state.chain.is_new:

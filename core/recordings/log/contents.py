@@ -11,6 +11,7 @@ from core.errors import RecordingError
 from core.recordings.blocks import CHUNK_EVENTS
 from core.recordings.log.growing import Json
 from core.recordings.log.scanning import Frame, LogGap, scan, scan_damaged
+from core.text import counted
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +102,7 @@ def recovery_notes(contents: LogContents, size: int) -> list[str]:
     damaged = [gap for gap in contents.gaps if not gap.unfinished]
     if damaged:
         count = sum(gap.end - gap.begin for gap in damaged)
-        where = "1 place" if len(damaged) == 1 else f"{len(damaged)} places"
+        where = counted(len(damaged), "place")
         parts = [f"{lost:,} {what}" for what, lost in _lost_words(contents)]
         if damaged[-1].end == size:
             parts.append("what the last of them held, if anything")

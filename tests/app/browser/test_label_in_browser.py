@@ -401,7 +401,12 @@ def test_contacts_are_proposed_accepted_set_and_moved_by_keys_and_reached_from_a
     labelling.keys("Home", "i")
     counted = page.get_by_text(re.compile(r"\d+ labelled, \d+ proposed|propos(ing|als):"))
     bounce = page.get_by_text("0 labelled, 1 proposed")
-    eventually(bounce.is_visible, "the bounce of the serve", lambda: (counted.all_inner_texts(), work.t_us))
+
+    def stands() -> tuple[object, ...]:
+        now, job = labelling.work, labelling.mode._suggestions
+        return counted.all_inner_texts(), now.t_us, len(now.here.proposals or ()), job.share, len(labelling.mode._keys)
+
+    eventually(bounce.is_visible, "the bounce of the serve", stands)
     page.get_by_text("proposed by refined").wait_for()
     heading.scroll_into_view_if_needed()
     labelling.window.screenshot("label-contacts-proposed")
