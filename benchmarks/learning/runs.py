@@ -96,7 +96,7 @@ LATER: Final = {
         "randomise": config_to_mapping(RandomisationConfig()),
     },
     "ddpg": {"rewards": "stored", "final_rate": 1.0, "edge_penalty": 0.0},
-    "rival": {"updates_per_episode": 0},
+    "rival": {"updates_per_episode": 0, "rate": 0.0},
 }
 """Settings that came later, by section: with these values results are, and are called, what they were before."""
 Results = defaultdict[str, list[SeedResult]]

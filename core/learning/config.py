@@ -303,6 +303,8 @@ class Sb3Config:
     """Episodes between updates of PPO and TRPO: the default of 2,048 is more than a whole run."""
     updates_per_episode: int = setting(0, 0, 64)
     """Gradient steps per ball of TD3, SAC and (as passes over its balls) PPO; 0 is the library's pace: 1, 1 and 0.2."""
+    rate: float = setting(0.0, 0.0, 1e-1)
+    """Learning rate; 0 is the library's, or 0.001 with `matched` exploration."""
 
     def __post_init__(self) -> None:
         check_settings(self)

@@ -46,14 +46,15 @@ def known_results() -> Results:
     results["claim-replay-retain"] = seed_results(scattered(2), (early + rng.uniform(-0.1, 0.1, 20)).tolist())
     results["claim-replay-discard"] = seed_results(scattered(1), (early + rng.uniform(0.2, 0.3, 20)).tolist())
     results["claim-replay-scratch"] = seed_results(scattered(1 / 1.9), early.tolist())
-    results["claim-equal-5-td3"] = seed_results(scattered(1.5), early.tolist())
+    results["claim-tuned-ddpg"] = results["claim-replay-threshold"]
+    results["claim-tuned-td3"] = seed_results(scattered(1.5), early.tolist())
     return results
 
 
 def test_rivals_take_as_many_gradient_steps_as_the_paper_s_agent_and_see_as_many_balls() -> None:
     ours = EXPERIMENTS["replay-threshold"]
     for agent in ("td3", "sac", "ppo"):
-        rival = EXPERIMENTS[f"equal-5-{agent}"]
+        rival = EXPERIMENTS[f"tuned-{agent}"]
         assert rival.agent == agent and rival.episodes == ours.episodes
         assert rival.rival.updates_per_episode == ours.ddpg.updates_per_episode
         assert rival.rival.exploration == "matched" and rival.reward.kind == "case"
@@ -63,7 +64,7 @@ def test_all_have_the_same_drawn_seeds_which_nothing_was_chosen_on() -> None:
     (first,) = {config.first_seed for config in EXPERIMENTS.values()}
     assert first >= 1_000_000
     assert {name for one in CLAIMS for name in (one.ours, one.theirs)} <= EXPERIMENTS.keys()
-    assert EXPERIMENTS["replay-threshold"].seeds == 40 and EXPERIMENTS["equal-5-sac"].seeds == 20
+    assert EXPERIMENTS["replay-threshold"].seeds == 40 and EXPERIMENTS["tuned-sac"].seeds == 20
     assert len({fingerprint(config) for config in EXPERIMENTS.values()}) == len(EXPERIMENTS)
 
 
@@ -91,14 +92,14 @@ def test_verdicts_are_the_known_ones() -> None:
 
 def test_a_margin_that_is_missed_contradicts_a_claim_of_it() -> None:
     """A third less error than TD3 is better, and not 35.8 % better."""
-    td3 = next(one for one in findings(known_results()) if one.claim.theirs == "equal-5-td3")
+    td3 = next(one for one in findings(known_results()) if one.claim.theirs == "tuned-td3")
     assert td3.estimate == pytest.approx(1 / 1.5, rel=0.02)
     assert td3.low > 1 - 0.358 and td3.verdict == "contradicted"
 
 
 def test_a_claim_without_seeds_is_not_shown_and_counts_in_the_correction() -> None:
     found = findings(known_results())
-    missing = next(one for one in found if one.claim.theirs == "equal-5-sac")
+    missing = next(one for one in found if one.claim.theirs == "tuned-sac")
     assert (missing.seeds, missing.p_value, missing.verdict) == (0, 1.0, "not shown")
     assert len(found) == len(CLAIMS)
 
@@ -120,7 +121,7 @@ def test_the_bench_makes_the_section_alone(tmp_path: Path, monkeypatch: pytest.M
     report = tmp_path / "report.md"
     report.write_text("# Learning to return: what was measured\n\n## Curves\n\nkept\n")
     counts = Counts(balls=5, shorten=50, claim_seeds=1)
-    few = tuple(one for one in claim_experiments(counts) if one.name in ("claim-replay-threshold", "claim-equal-5-td3"))
+    few = tuple(one for one in claim_experiments(counts) if one.name in ("claim-replay-threshold", "claim-tuned-td3"))
     monkeypatch.setattr(bench_learning, "claim_experiments", lambda counts: few)
     where = {"folder": tmp_path / "runs", "report": report, "counts": counts, "engine": ALONE}
     rows = bench_learning.run(lambda share: None, **where, only="claims")["rows"]  # type: ignore[arg-type]

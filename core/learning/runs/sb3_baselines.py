@@ -2,8 +2,8 @@
 
 They keep the libraries' defaults but for what 1,700 one-step episodes demand: PPO and TRPO update every 50 episodes
 (the default of 2,048 is more than a run), and TD3 and SAC have our network size, batch and start. `matched` exploration
-gives everyone the noise of our agents (0.1 at the start) and their learning rate; on-policy methods otherwise begin
-with a standard deviation of the whole action range.
+gives everyone the noise of our agents (0.1 at the start) and a learning rate of 0.001; on-policy methods otherwise
+begin with a standard deviation of the whole action range.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ OWN_PACE = ("a2c", "trpo")
 """One step from each set of balls is what these methods are."""
 START = 32
 """Transitions before TD3 and SAC learn, as with our agents."""
-RATE = 1e-3
+MATCHED_RATE = 1e-3
 
 
 class Sb3Training:
@@ -150,8 +150,8 @@ def make_model(config: RunConfig, environment: Sb3Environment, seed: int) -> Any
     matched = config.rival.exploration == "matched"
     scale, hidden = config.exploration.scale, config.rival.hidden
     shared: dict[str, Any] = {"env": environment, "seed": seed, "device": "cpu", "verbose": 0}
-    if matched:
-        shared["learning_rate"] = RATE
+    if rate := config.rival.rate or (MATCHED_RATE if matched else 0.0):
+        shared["learning_rate"] = rate
     if config.agent in ON_POLICY:
         start = {"log_std_init": math.log(scale)} if matched else {}
         shared["policy_kwargs"] = {"net_arch": [hidden, hidden], **start}

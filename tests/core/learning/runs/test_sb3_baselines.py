@@ -74,6 +74,17 @@ def test_gradient_steps_per_ball_are_as_many_as_asked_for(agent: AgentName) -> N
     assert steps_per_ball(0) == (0.2 if agent == "ppo" else 1)
 
 
+@pytest.mark.parametrize("agent", ["ppo", "a2c", "trpo", "td3", "sac"])
+def test_the_learning_rate_is_the_one_asked_for(agent: AgentName) -> None:
+    def rate(exploration: str, asked: float) -> float:
+        base = baseline_run(agent, exploration)
+        config = replace(base, rival=replace(base.rival, rate=asked))
+        return make_model(config, Sb3Environment(config, 0, 0, 0), 0).learning_rate
+
+    assert rate("default", 0.004) == rate("matched", 0.004) == 0.004
+    assert rate("matched", 0.0) == 0.001
+
+
 @pytest.mark.parametrize("agent", ["a2c", "trpo"])
 def test_a_method_of_one_step_refuses_another_number(agent: AgentName) -> None:
     base = baseline_run(agent)
