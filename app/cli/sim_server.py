@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from core.errors import CommandError
 from core.files import end_with_parent
 from core.live.link.guard import check_reach, make_keys, read_server_keys, split_address
 from core.live.link.server import KernelProgress, ServerConfig, SimulationServer
+from core.live.urgency import freeze_loaded
 from core.live.worlds.world import WorldConfig
 from core.physics.ball_states import join_serves, read_ball_states
 from core.physics.config import Profile
@@ -90,7 +90,7 @@ def run(arguments: SimServerArguments) -> None:
         keys=keys,
     )
     server.prepare()
-    gc.freeze()  # what is loaded stays: a look through it would make the rally stumble
+    freeze_loaded()
     ended = end_event()
     say(f"The simulation is at {server.address}   (Ctrl-C ends it)")
     server.run(ended.is_set)

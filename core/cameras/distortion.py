@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras import lens_kernel as kernel
+from core.cameras.lens_kernel import CONVERGED, NEWTON_ROUNDS, WRONG
 
 Array = NDArray[np.float64]
 LensModel = Literal["pinhole", "fisheye"]
@@ -27,11 +28,6 @@ ORDER: Final[dict[LensModel, str]] = {
     "fisheye": "k1 k2 k3 k4",
 }
 """Their order, which is OpenCV's."""
-NEWTON_ROUNDS = 20
-CONVERGED = 1e-12
-"""Newton's method doubles the digits in each round: what needs more than a few has no solution."""
-WRONG = 1e-7
-"""A tenth of a thousandth of a pixel at f = 1000 px."""
 
 
 def distort(xys: Array, distortion: Array, model: LensModel = "pinhole") -> Array:

@@ -18,11 +18,13 @@ from core.jit import njit
 Array = NDArray[np.float64]
 
 NEWTON_ROUNDS: Final = 20
+"""At most: Newton's method doubles the digits in each round, so what needs more than a few has no solution."""
 FISHEYE_ROUNDS: Final = 50
 """At most, of the search for an angle, which halves an interval where Newton's step leaves it."""
 CONVERGED: Final = 1e-12
+"""Step of a pinhole coordinate that ends the search (chosen: well above the rounding of numbers near 1)."""
 WRONG: Final = 1e-7
-"""Largest error of a pinhole coordinate: no ray leads to a pixel that the lens model misses by more."""
+"""Largest error of a pinhole coordinate, 1e-4 px at f = 1000 px: no ray leads to a pixel that is missed by more."""
 BRACKET_RAD: Final = math.pi / 2 - 1e-6
 """Rays farther from the axis have no pinhole coordinates."""
 

@@ -17,6 +17,7 @@ from core.recordings.sources.evt_time import (
     IGNORE,
     NO_DAMAGE,
     STOP,
+    SUSPECT_WORDS,
     judge_time_high,
     next_time_high,
 )
@@ -28,7 +29,6 @@ EXT_TRIGGER: Final = 0xA
 
 _MASK: Final = EVT2_TIME.mask
 _SECOND: Final = EVT2_TIME.second
-_SUSPECT_WORDS: Final = 4096
 _HIGH, _EPOCH, _LAST_T, _IGNORED, _RESERVED, _OUTSIDE, _MAX_X, _MAX_Y, LATE = 0, 2, 6, 7, 8, 9, 10, 11, 12
 _NO_TYPE: Final = np.isin(np.arange(16), (EVENT_OFF, EVENT_ON, TIME_HIGH, EXT_TRIGGER, 0xE, 0xF), invert=True)
 _RUN: Final = 256
@@ -131,7 +131,7 @@ def decode_evt2(words, state, width, height, out):
     last_t = state[_LAST_T]
     base_t = state[_EPOCH] + (state[_HIGH] << 6)
     events, triggers, damage = 0, 0, NO_DAMAGE
-    jump_word, jump_events, jump_triggers = -_SUSPECT_WORDS, 0, 0
+    jump_word, jump_events, jump_triggers = -SUSPECT_WORDS, 0, 0
     room, trigger_room = len(t), len(trigger_t)
     i = 0
     while i < len(words) and events < room and triggers < trigger_room:
@@ -163,7 +163,7 @@ def decode_evt2(words, state, width, height, out):
             trigger_t[triggers], trigger_on[triggers], trigger_id[triggers] = last_t, word & 1, (word >> 8) & 0x1F
             triggers += 1
         i += 1  # other words carry what events do not need: monitoring, vendor data
-    if damage and i - jump_word < _SUSPECT_WORDS:
+    if damage and i - jump_word < SUSPECT_WORDS:
         events, triggers = jump_events, jump_triggers
     state[_LAST_T] = last_t
     return i, events, triggers, damage
@@ -176,7 +176,7 @@ def decode_evt21(words, state, width, height, out):
     last_t = state[_LAST_T]
     base_t = state[_EPOCH] + (state[_HIGH] << 6)
     events, triggers, damage = 0, 0, NO_DAMAGE
-    jump_word, jump_events, jump_triggers = -_SUSPECT_WORDS, 0, 0
+    jump_word, jump_events, jump_triggers = -SUSPECT_WORDS, 0, 0
     # One word holds up to 32 events.
     room, trigger_room = len(t) - 32, len(trigger_t)
     i = 0
@@ -214,7 +214,7 @@ def decode_evt21(words, state, width, height, out):
             triggers += 1
         i += 1
     # A jump in time so close before damage is part of it: what came after the jump is taken back.
-    if damage and i - jump_word < _SUSPECT_WORDS:
+    if damage and i - jump_word < SUSPECT_WORDS:
         events, triggers = jump_events, jump_triggers
     state[_LAST_T] = last_t
     return i, events, triggers, damage

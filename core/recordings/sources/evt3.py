@@ -17,6 +17,7 @@ from core.recordings.sources.evt_time import (
     IGNORE,
     NO_DAMAGE,
     STOP,
+    SUSPECT_WORDS,
     judge_time_high,
     next_time_high,
 )
@@ -41,8 +42,6 @@ _MASK: Final = EVT3_TIME.mask
 _FEW_LOWS: Final = 3
 """So many fine times one after the other may be ahead of the others by damage."""
 _NEAR_WORDS: Final = 256
-_SUSPECT_WORDS: Final = 4096
-"""A jump in time this close before damage is taken for part of it."""
 
 HIGH, LOW, EPOCH, Y, BASE_X, BASE_ON, LAST_T, IGNORED, RESERVED, OUTSIDE, MAX_X, MAX_Y = range(12)
 
@@ -102,7 +101,7 @@ def decode_evt3(words, state, width, height, out):  # noqa: C901 (one branch for
     row, base_x, base_on, last_t = state[Y], state[BASE_X], state[BASE_ON], state[LAST_T]
     now = max(last_t, epoch + (high << 12) + low)
     events, triggers, damage = 0, 0, NO_DAMAGE
-    jump_word, jump_events, jump_triggers = -_SUSPECT_WORDS, 0, 0
+    jump_word, jump_events, jump_triggers = -SUSPECT_WORDS, 0, 0
     room, trigger_room = len(t) - 12, len(trigger_t)
     i = 0
     while i < len(words) and events <= room and triggers < trigger_room:
@@ -166,7 +165,7 @@ def decode_evt3(words, state, width, height, out):  # noqa: C901 (one branch for
             if kind == OTHER_ROW:
                 row = NO_ROW  # of an event that is none of ours
         i += 1
-    if damage and i - jump_word < _SUSPECT_WORDS:
+    if damage and i - jump_word < SUSPECT_WORDS:
         events, triggers = jump_events, jump_triggers
     state[HIGH], state[LOW], state[EPOCH] = high, low, epoch
     state[Y], state[BASE_X], state[BASE_ON], state[LAST_T] = row, base_x, base_on, now

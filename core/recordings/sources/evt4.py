@@ -22,7 +22,7 @@ from core.errors import RecordingError
 from core.events import SensorSize
 from core.jit import njit
 from core.recordings.sources.checking import CUT_SHORT, DAMAGED_TIMES, RESERVED_WORDS, check_stream, refuse_zeros
-from core.recordings.sources.evt_time import EVT4_TIME, IGNORE, Decoded, judge_time_high, next_time_high
+from core.recordings.sources.evt_time import BLOCK_BYTES, EVT4_TIME, IGNORE, Decoded, judge_time_high, next_time_high
 from core.recordings.sources.making import make_source
 from core.recordings.sources.prophesee_header import PropheseeHeader, note_two_sizes
 from core.recordings.sources.source import Columns, DecodeReport, EventSource, FactOrigin
@@ -32,10 +32,7 @@ VERSIONS: Final = ("EVT4", "EVT4.0")
 OTHERS, CONTINUED, TRIGGER = 0x6, 0x7, 0x9
 EVENT_OFF, EVENT_ON, VECTOR_OFF, VECTOR_ON, TIME_HIGH, PADDING = range(0xA, 0x10)
 
-_BLOCK_BYTES: Final = 1 << 20
 _HEAD_BYTES: Final = 64 << 10
-_ROOM_EVENTS: Final = 1 << 18
-_ROOM_TRIGGERS: Final = 1 << 14
 _MAX_RESERVED: Final = 0.01
 """Largest share of reserved kinds among the first words: in a stream of this format there are none."""
 _MASK: Final = EVT4_TIME.mask
@@ -87,7 +84,7 @@ def _decode(path: Path, start: int, report: DecodeReport) -> Iterator[Columns]:
     with path.open("rb") as file:
         end = os.fstat(file.fileno()).st_size
         done = file.seek(start)
-        while data := file.read(_BLOCK_BYTES):
+        while data := file.read(BLOCK_BYTES):
             zeros = zeros and not data.strip(b"\0")
             done += len(data)
             data = rest + data
@@ -96,7 +93,7 @@ def _decode(path: Path, start: int, report: DecodeReport) -> Iterator[Columns]:
                 state = _start(words)
             used, last = 0, 1
             while last and used < len(words):
-                out = Decoded.empty(_ROOM_EVENTS, _ROOM_TRIGGERS)
+                out = Decoded.empty()
                 last, events, triggers = _decode_words(words[used:], state, out)
                 used += last
                 report.add_triggers(out.trigger_t_us[:triggers], out.trigger_on[:triggers], out.trigger_id[:triggers])

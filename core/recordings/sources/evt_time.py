@@ -26,6 +26,12 @@ _SMALL_SHARE: Final = 100
 
 NO_DAMAGE, BAD_WORD, BAD_COLUMN, BAD_ROW, BAD_TIME = range(5)
 """Why a decoder stopped."""
+SUSPECT_WORDS: Final = 4096
+"""A jump in time this close before damage is taken for part of it (chosen)."""
+BLOCK_BYTES: Final = 1 << 20
+"""Bytes of a file that are read and decoded at once (chosen: small beside the memory, large beside a read)."""
+ROOM_EVENTS, ROOM_TRIGGERS = 1 << 18, 1 << 14
+"""Size of what is decoded at once: memory stays bounded, whatever the words expand to (chosen)."""
 
 
 class Decoded(NamedTuple):
@@ -40,7 +46,7 @@ class Decoded(NamedTuple):
     trigger_id: NDArray[np.int16]
 
     @staticmethod
-    def empty(events: int, triggers: int) -> Decoded:
+    def empty(events: int = ROOM_EVENTS, triggers: int = ROOM_TRIGGERS) -> Decoded:
         """Room for so many events and triggers."""
         x, y, on = np.empty(events, np.uint16), np.empty(events, np.uint16), np.empty(events, np.bool_)
         trigger_on, trigger_id = np.empty(triggers, np.bool_), np.empty(triggers, np.int16)

@@ -39,7 +39,7 @@ from core.recordings.sources.evt2 import (
 from core.recordings.sources.evt3 import IGNORED, MAX_X, MAX_Y, OUTSIDE, RESERVED, decode_evt3, start_state
 from core.recordings.sources.evt4 import VERSIONS as EVT4_VERSIONS
 from core.recordings.sources.evt4 import open_evt4
-from core.recordings.sources.evt_time import BAD_COLUMN, BAD_ROW, BAD_TIME, BAD_WORD, Decoded
+from core.recordings.sources.evt_time import BAD_COLUMN, BAD_ROW, BAD_TIME, BAD_WORD, BLOCK_BYTES, Decoded
 from core.recordings.sources.prophesee_header import (
     PropheseeHeader,
     note_two_sizes,
@@ -48,9 +48,6 @@ from core.recordings.sources.prophesee_header import (
 )
 from core.recordings.sources.source import BINARY_FACTS, DecodeReport, EventSource, FactOrigin
 
-_BLOCK_BYTES: Final = 1 << 20
-_ROOM_EVENTS: Final = 1 << 18
-_ROOM_TRIGGERS: Final = 1 << 14
 _MOSTLY_OUTSIDE: Final = 0.1
 """With so many addresses outside beside damaged times, the words are not those of the format, or bytes are missing."""
 _DAMAGE: Final = {
@@ -127,7 +124,7 @@ def _decode(
     with path.open("rb") as file:
         end = os.fstat(file.fileno()).st_size
         file.seek(done)
-        while not stopped and (data := file.read(_BLOCK_BYTES)):
+        while not stopped and (data := file.read(BLOCK_BYTES)):
             zeros = zeros and not data.strip(b"\0")
             data = over + data
             # A lost byte would shift every word that follows.
@@ -190,11 +187,11 @@ def _say_left_out(
 def _decode_part(
     words: NDArray, state: NDArray, kind: _Format, sensor: SensorSize, report: DecodeReport
 ) -> tuple[Events, int, int]:
-    """The first events, as many as there is room for: memory stays bounded, whatever the words expand to.
+    """The first events, as many as there is room for.
 
     With them the number of words used, and what is damaged behind them (0: nothing).
     """
-    out = Decoded.empty(_ROOM_EVENTS, _ROOM_TRIGGERS)
+    out = Decoded.empty()
     used, count, triggers, damage = kind.decode(words, state, sensor.width_px, sensor.height_px, out)
     report.add_triggers(out.trigger_t_us[:triggers], out.trigger_on[:triggers], out.trigger_id[:triggers])
     # the decoder has checked order and addresses
