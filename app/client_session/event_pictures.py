@@ -49,6 +49,7 @@ class EventPictures:
             self._plane.free_aspect if state.mode == "Export" else None,
             self._playback if state.playhead.is_playback else None,  # what stands is the same however one got there
             state.mode == "Watch",
+            state.mode == "Watch" and not state.playhead.playing,  # what moves cannot be read
         )
         if key != self._requested:
             self._requested = key

@@ -99,6 +99,8 @@ class WatchRequest:
     """What the pictures of a playback go on from; None: the answers depend on the 60 ms before `t_us` alone."""
     with_frames: bool = False
     """Whether those of ordinary cameras stand behind all event cameras, unless corners are clicked or a guide is on."""
+    why_not: bool = False
+    """Whether a picture without a ball says why, in the words of Tune."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -181,7 +183,7 @@ def render_watch(request: WatchRequest) -> Mosaic:
             pixels = event_picture(window, look.rendering, binning=binning)
             canvas = Canvas.of_binned(pixels, stream.sensor, binning, across=across)
         if request.playback is None:
-            answer = answer_window(stream, *request.detector, window.end_us)
+            answer = answer_window(stream, *request.detector, window.end_us, why_not=request.why_not)
         else:
             answer = request.playback.find(stream, request.detector, window.end_us)
         detection = answer.detection
@@ -207,6 +209,10 @@ def render_watch(request: WatchRequest) -> Mosaic:
                 )
         draw_table_clicks(canvas, name, stream.calibration, request.table)
         canvas.caption(f"{name}: {counted(len(window.events), 'event')}")
+        if answer.reasons:
+            canvas.caption(f"{request.detector.method}: no ball", PaletteIndex.HULL_REJECTED)
+            for reason in answer.reasons:
+                canvas.caption(reason.text, PaletteIndex.HULL_REJECTED)
         canvases.append(canvas)
     for title, stream in frames.items():
         canvases.append(newest_frame(title, stream, request.t_us, canvases[0].image.shape[1], across=across))

@@ -183,6 +183,8 @@ class WindowAnswer:
     """Windows processed before it; fewer at the start of a recording."""
     trace: MethodTrace | None = None
     """What each stage kept, from `explain_window`."""
+    reasons: tuple[Reason, ...] = ()
+    """Why there is no ball, where that was asked for; empty with one."""
 
     @property
     def valid_us(self) -> int:
@@ -191,14 +193,23 @@ class WindowAnswer:
 
 
 def answer_window(
-    stream: CameraStream, method: Method, config: DetectorConfig, t_us: int, *, lead_in_us: int = LEAD_IN_US
+    stream: CameraStream,
+    method: Method,
+    config: DetectorConfig,
+    t_us: int,
+    *,
+    lead_in_us: int = LEAD_IN_US,
+    why_not: bool = False,
 ) -> WindowAnswer:
     """Run a method over the time before `t_us` and give its answer to the window that ends there.
 
-    At the very start of a recording the window is the first whole one.
+    At the very start of a recording the window is the first whole one. `why_not`: ask why there is no ball, which takes
+    some methods as long as a step.
     """
     detector, window, lead_in = _led_in(stream, method, config, t_us, lead_in_us)
-    return WindowAnswer(method, window, detector.step(window), lead_in)
+    ball = detector.step(window)
+    reasons = reasons_of(detector) if why_not and ball is None else ()
+    return WindowAnswer(method, window, ball, lead_in, reasons=reasons)
 
 
 LEAD_IN_WINDOWS: Final = 25
@@ -213,7 +224,7 @@ def explain_window(stream: CameraStream, method: Method, config: DetectorConfig,
     lead_in_us = window_us * (lead_in + -(lead_in + 1) % SEARCH_EVERY[-1])
     detector, window, lead_in = _led_in(stream, method, config, t_us, lead_in_us)
     trace = explain_step(detector, window)
-    return WindowAnswer(method, window, trace.detection, lead_in, trace)
+    return WindowAnswer(method, window, trace.detection, lead_in, trace, trace.reasons)
 
 
 def _led_in(

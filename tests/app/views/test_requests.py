@@ -20,6 +20,7 @@ from core.detection import DetectorConfig
 from core.detection.method_trace import MethodTrace
 from core.detection.methods import VIEWS, Method, method_config
 from core.detection.saved import SavedDetector
+from core.metrics.run import explain_window
 from core.recordings import CameraStream, open_recording
 
 BALL_US = 300_000
@@ -49,6 +50,20 @@ def test_pictures_fill_the_room_that_is_named_and_stand_beside_each_other_where_
     assert len({picture.y for picture in usual.pictures}) == 1
     assert len({picture.x for picture in filling.pictures}) == 1
     assert len({picture.y for picture in chosen.pictures}) == 1, "what a person chose counts more"
+
+
+@pytest.mark.parametrize(("method", "config", "t_us"), [("auto", TOO_LARGE, BALL_US), ("refined", None, 2_000)])
+def test_a_picture_of_watch_says_why_it_has_no_ball_in_the_words_of_tune(
+    serve_recording: Path, method: Method, config: DetectorConfig | None, t_us: int
+) -> None:
+    detector = SavedDetector(method, config or method_config(method))
+    with open_recording(serve_recording) as recording:
+        wanted = WatchRequest(recording, t_us, RenderSettings(), detector, show_truth=False, why_not=True)
+        silent = [text.text for text in render_watch(replace(wanted, why_not=False)).texts]
+        said = [text.text for text in render_watch(wanted).texts if text.text not in silent]
+        explained = [explain_window(stream, *detector, t_us) for stream in recording.cameras.values()]
+    assert len(explained) == 2 and all(one.detection is None for one in explained)
+    assert said == [text for one in explained for text in (f"{method}: no ball", *(why.text for why in one.reasons))]
 
 
 def middle(region: Region) -> tuple[float, float]:
