@@ -1,5 +1,6 @@
 """Event pictures are asked for when what they show changes, and shown while they are to be seen."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -15,6 +16,7 @@ class Desk:
 
     def __init__(self) -> None:
         self.asked, self.shown, self.failed, self.is_wanted = [], [], [], True
+        self.why_not = []
         freshness = SimpleNamespace(ask=lambda request, wall_s: None, failed=lambda: self.failed.append("late"))
         plane = SimpleNamespace(free_aspect=1.5, freshness=freshness, show=lambda sheet, _: self.shown.append(sheet))
         pool = SimpleNamespace(submit=lambda work: work())
@@ -30,6 +32,7 @@ class Desk:
 def desk(monkeypatch: pytest.MonkeyPatch) -> Desk:
     def render(request) -> str:
         desk.asked.append(request.t_us)
+        desk.why_not.append(request.why_not)
         if request.t_us < 0:
             raise ValueError("no picture")
         return f"at {request.t_us}"
@@ -51,6 +54,14 @@ def test_a_picture_that_comes_after_a_change_of_mode_is_not_shown(desk: Desk) ->
     desk.is_wanted = False
     desk.ask(10)
     assert desk.asked == [10] and not desk.shown
+
+
+def test_why_there_is_no_ball_is_asked_in_watch_while_the_picture_stands(desk: Desk) -> None:
+    standing, playing = Playhead(2_000_000), Playhead(2_000_000, playing=True)
+    for mode, playhead in (("Watch", standing), ("Watch", playing), ("Label", standing)):
+        desk.state = replace(desk.state, mode=mode, playhead=playhead)
+        desk.ask(10)
+    assert desk.why_not == [True, False, False]
 
 
 def test_a_picture_that_cannot_be_drawn_is_late_and_reported(desk: Desk) -> None:
