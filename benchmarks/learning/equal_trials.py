@@ -14,7 +14,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import tomli_w
@@ -95,31 +95,44 @@ def with_trial(config: RunConfig, trial: Trial) -> RunConfig:
 
 def tuned(counts: Counts, path: Path = TUNED) -> dict[AgentName, RunConfig]:
     """Every agent with the best of its trials."""
-    found = tomllib.loads(path.read_text(encoding="utf-8"))
-    configs = untuned(counts)
-    for agent in TUNED_AGENTS:
-        best = int(np.argmin(found["error_mm"][agent]))
-        if best > 0:
-            configs[agent] = with_trial(configs[agent], Trial(**found["trials"][best - 1]))
-    return configs
+    best = _best_trials(path)
+    return {
+        agent: config if (trial := best[agent].trial) is None else with_trial(config, trial)
+        for agent, config in untuned(counts).items()
+    }
 
 
 def tuning_table(path: Path = TUNED) -> str:
     """A row per agent: its error without tuning and with its best trial, on the seeds tuned on, and that trial."""
-    found = tomllib.loads(path.read_text(encoding="utf-8"))
     rows = []
-    for agent in TUNED_AGENTS:
-        errors_mm = found["error_mm"][agent]
-        best = int(np.argmin(errors_mm))
+    for agent, best in _best_trials(path).items():
         settings = ["as it was", "", "", ""]
-        if best > 0:
-            trial = Trial(**found["trials"][best - 1])
+        if (trial := best.trial) is not None:
             balls = str(trial.balls) if agent in ("ppo", "trpo") else ""
             settings = [f"{trial.rate:g}", f"{trial.noise:g}", str(trial.hidden), balls]
         name = "the paper's agent" if agent == OURS else agent.upper()
-        rows.append([name, f"{errors_mm[0]:.0f}", f"{errors_mm[best]:.0f}", *settings])
+        rows.append([name, f"{best.first_mm:.0f}", f"{best.error_mm:.0f}", *settings])
     titles = ("agent", "first trial, mm", "best, mm", "its rate", "noise", "units", "balls between updates")
     return markdown_table(titles, rows)
+
+
+class _Best(NamedTuple):
+    """Of an agent the trial with the lowest error, None for the first; its error and the first one's."""
+
+    trial: Trial | None
+    error_mm: float
+    first_mm: float
+
+
+def _best_trials(path: Path) -> dict[AgentName, _Best]:
+    found = tomllib.loads(path.read_text(encoding="utf-8"))
+    trials = [None, *(Trial(**drawn) for drawn in found["trials"])]
+    best = {}
+    for agent in TUNED_AGENTS:
+        errors_mm = found["error_mm"][agent]
+        number = int(np.argmin(errors_mm))
+        best[agent] = _Best(trials[number], errors_mm[number], errors_mm[0])
+    return best
 
 
 def experiments(counts: Counts) -> dict[AgentName, tuple[Experiment, ...]]:
