@@ -18,8 +18,9 @@ Unit = Literal["m", "mm", "cm"]
 METRES: Final[dict[str, float]] = {"m": 1.0, "mm": 1e-3, "cm": 1e-2}
 """Unit of length -> metres."""
 _TIME_WORDS: Final = {
-    "ns": "ns", "nsec": "ns", "nanosecond": "ns", "us": "us", "usec": "us", "microsecond": "us",
-    "ms": "ms", "msec": "ms", "millisecond": "ms", "s": "s", "sec": "s", "second": "s",
+    "ns": "ns", "nsec": "ns", "nanosec": "ns", "nanosecond": "ns",
+    "us": "us", "usec": "us", "microsec": "us", "microsecond": "us",
+    "ms": "ms", "msec": "ms", "millisec": "ms", "millisecond": "ms", "s": "s", "sec": "s", "second": "s",
 }  # fmt: skip
 _LENGTH_WORDS: Final[dict[str, Unit]] = {
     "m": "m", "meter": "m", "metre": "m", "mm": "mm", "millimeter": "mm", "millimetre": "mm",

@@ -22,6 +22,8 @@ from tests.strangers import event_files as make
 
 VGA = make.draw_rows(640, 480, count=600)
 FRAME = pd.DataFrame({"t": VGA.t, "x": VGA.x, "y": VGA.y, "p": VGA.p})
+SECONDS = 1_700_000_000
+SPLIT = {"ts_sec": SECONDS + VGA.t // 10**6, "ts_nsec": VGA.t % 10**6 * 1000, "x": VGA.x, "y": VGA.y, "p": VGA.p}
 GITHUB = "https://github.com"
 Write = Callable[[Path], Path]
 
@@ -82,6 +84,11 @@ READ: dict[str, tuple[Write, ImportOptions]] = {
     # A column without a name, or two, that count the rows: was right.
     f"{GITHUB}/pandas-dev/pandas/issues/10646": (lambda p: make.write(p, FRAME.to_csv().encode()), ImportOptions()),
     f"{GITHUB}/pandas-dev/pandas/issues/13017": (indexed_twice, ImportOptions()),
+    # The whole time twice, in seconds and in nanoseconds: was right.
+    "own variation: seconds and the same in nanoseconds": (
+        lines(lambda t, x, y, p: f"{t / 1e6:.6f},{t}000,{x},{y},{p}", "t_s,t_ns,x,y,p"),
+        ImportOptions(),
+    ),
     # Some times with an exponent: was right.
     f"{GITHUB}/pandas-dev/pandas/issues/2697": (
         lines(lambda t, x, y, p: f"{t if t % 7 else format(float(t), '.6E')},{x},{y},{p}"),
@@ -196,6 +203,36 @@ REFUSED: dict[str, tuple[Write, str]] = {
     "own variation: records in HDF5 with the camera": (
         lambda p: make.hdf5(p, {"events": FRAME.assign(cam_id=VGA.t % 2).to_records(index=False)}),
         "several cameras.*got 0, 1",
+    ),
+    # Seconds and what is beyond them in two columns, as of ROS: was read, all events of a second at one time; in HDF5
+    # the rest of the second alone, so that the seconds lay one over the other.
+    "own variation: seconds and nanoseconds": (
+        lines(lambda t, x, y, p: f"{SECONDS + t // 10**6},{t % 10**6}000,{x},{y},{p}", "ts.secs,ts.nsecs,x,y,polarity"),
+        "split over two columns.*1000000000 [*] ts.secs [+] ts.nsecs",
+    ),
+    "own variation: seconds and microseconds": (
+        lines(lambda t, x, y, p: f"{t // 10**6},{t % 10**6},{x},{y},{p}", "t_sec,t_usec,x,y,p"),
+        "split over two columns.*1000000 [*] t_sec [+] t_usec",
+    ),
+    "own variation: seconds and nanoseconds as arrays": (
+        lambda p: make.npz(p, **SPLIT),
+        "split over two columns",
+    ),
+    "own variation: seconds and nanoseconds in records": (
+        lambda p: make.npy(p, pd.DataFrame(SPLIT).to_records(index=False)),
+        "split over two columns",
+    ),
+    "own variation: seconds and nanoseconds in a MAT-file": (
+        lambda p: make.mat5(p, TD=SPLIT),
+        "split over two columns",
+    ),
+    "own variation: seconds and nanoseconds in HDF5": (
+        lambda p: make.hdf5(p, {f"events/{name}": one for name, one in SPLIT.items()}),
+        "split over two columns",
+    ),
+    "own variation: seconds and nanoseconds in records in HDF5": (
+        lambda p: make.hdf5(p, {"events": pd.DataFrame(SPLIT).to_records(index=False)}),
+        "split over two columns",
     ),
     # Seconds in a column called t_us: was read, everything within a microsecond.
     "own variation: seconds called us": (

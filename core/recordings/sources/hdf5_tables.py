@@ -19,6 +19,7 @@ from typing import Final
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
 from core.errors import RecordingError
 from core.events import SensorSize
@@ -31,6 +32,7 @@ from core.recordings.sources.table_columns import (
     camera_column,
     find_columns,
     refuse_several_cameras,
+    refuse_split_time,
     unit_of_name,
 )
 from core.recordings.sources.values.stated_sizes import size_in_attributes
@@ -124,7 +126,7 @@ def _find_tables(file: h5py.File) -> list[_Table]:
             return
         records = isinstance(item, h5py.Dataset)
         if isinstance(item, h5py.Group):
-            columns = [str(key) for key, child in item.items() if isinstance(child, h5py.Dataset)]
+            columns = _columns_of(item)
         else:
             columns = list(item.dtype.names or ()) if isinstance(item, h5py.Dataset) and item.ndim else []
         try:
@@ -136,6 +138,10 @@ def _find_tables(file: h5py.File) -> list[_Table]:
     look("/", file)
     file.visititems(look)
     return found
+
+
+def _columns_of(group: h5py.Group) -> list[str]:
+    return [str(key) for key, child in group.items() if isinstance(child, h5py.Dataset)]
 
 
 def _camera_names(paths: list[str]) -> list[str]:
@@ -154,6 +160,7 @@ def _open_table(
     where = dataset_at(file, table.path) if table.records else group_at(file, table.path)
     holders = [file, where, *([where.parent] if table.path != "/" else [])]
     _check_one_camera(path, file, table, count)
+    _check_one_time(path, file, table)
     # DSEC's files of several cameras put into one have an offset beside the events of each.
     offset_at = next((one for one in (*holders[1:], file) if isinstance(one, h5py.Group) and "t_offset" in one), None)
     offset_us = 0 if offset_at is None else int(np.asarray(dataset_at(offset_at, "t_offset")[()]).reshape(-1)[0])
@@ -200,6 +207,22 @@ def _check_one_camera(path: Path, file: h5py.File, table: _Table, count: int) ->
     try:
         parts = (np.unique(column[first : first + _ROWS]).tolist() for first in range(0, count, _ROWS))
         refuse_several_cameras(set().union(*parts), path)
+    except UNREADABLE as error:
+        raise RecordingError("the events cannot be read", got=explain(error), where=path) from error
+
+
+def _check_one_time(path: Path, file: h5py.File, table: _Table) -> None:
+    """Raises RecordingError if a time is split over two columns."""
+    holder = dataset_at(file, table.path) if table.records else group_at(file, table.path)
+    names: list[str] = _columns_of(holder) if isinstance(holder, h5py.Group) else list(holder.dtype.names or ())
+
+    def read(place: int) -> NDArray:
+        if isinstance(holder, h5py.Dataset):
+            return np.asarray(holder[:_SAMPLE_ROWS])[names[place]].reshape(-1)
+        return np.asarray(dataset_at(holder, names[place])).reshape(-1)[:_SAMPLE_ROWS]
+
+    try:
+        refuse_split_time(names, names.index(table.names[0]), read, path)
     except UNREADABLE as error:
         raise RecordingError("the events cannot be read", got=explain(error), where=path) from error
 

@@ -17,7 +17,7 @@ from core.events import SensorSize
 from core.recordings.sources.making import make_table_source
 from core.recordings.sources.numpy_files import in_parts
 from core.recordings.sources.source import EventSource, RawColumns
-from core.recordings.sources.table_columns import find_columns, unit_of_name
+from core.recordings.sources.table_columns import find_columns, refuse_split_time, unit_of_name
 from core.recordings.sources.values.stated_sizes import size_in_attributes
 
 MAT5_MAGIC: Final = b"MATLAB 5.0"
@@ -49,7 +49,12 @@ def open_matlab(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     ((_, holder),) = found.items()
     places = find_columns(list(holder), where=str(path))
     names = list(holder)
-    columns = {column: np.atleast_1d(np.asarray(holder[names[place]])).reshape(-1) for column, place in places.items()}
+
+    def column_at(place: int) -> NDArray:
+        return np.asarray(holder[names[place]]).reshape(-1)
+
+    refuse_split_time(names, places["t"], column_at, path)
+    columns = {column: column_at(place) for column, place in places.items()}
     lengths = {column: len(values) for column, values in columns.items()}
     if len(set(lengths.values())) != 1 or any(values.dtype.kind not in "iufb" for values in columns.values()):
         got = {column: f"{values.dtype}{values.shape}" for column, values in columns.items()}

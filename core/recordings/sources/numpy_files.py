@@ -20,7 +20,13 @@ from core.events import SensorSize
 from core.foreign_tables import UNIT_KEYS, UNITS_US, time_unit
 from core.recordings.sources.making import make_table_source
 from core.recordings.sources.source import DecodeReport, EventSource, RawColumns
-from core.recordings.sources.table_columns import camera_column, find_columns, refuse_several_cameras, unit_of_name
+from core.recordings.sources.table_columns import (
+    camera_column,
+    find_columns,
+    refuse_several_cameras,
+    refuse_split_time,
+    unit_of_name,
+)
 from core.recordings.sources.values.stated_sizes import size_in_attributes
 from core.recordings.sources.values.table_order import guess_columns
 
@@ -132,6 +138,7 @@ def _load(path: Path) -> _Loaded:
         lengths = {column: array.shape for column, array in arrays.items()}
         if len(set(lengths.values())) != 1 or arrays["t"].ndim != 1:
             raise RecordingError("event columns differ in shape", expected="equal lengths", got=lengths, where=path)
+        refuse_split_time(names, places["t"], lambda place: loaded[names[place]].reshape(-1), path)
         camera = camera_column(names)
         if camera is not None and loaded[names[camera]].shape == arrays["t"].shape:
             refuse_several_cameras(np.unique(loaded[names[camera]]), path)
@@ -187,11 +194,13 @@ def _memory_bytes() -> int:
 
 def _from_array(array: NDArray, path: Path, stated: SensorSize | None) -> _Loaded:
     if array.dtype.names is not None:
-        places = find_columns(array.dtype.names, where=str(path))
-        if (camera := camera_column(array.dtype.names)) is not None:
-            refuse_several_cameras(np.unique(array[array.dtype.names[camera]]), path)
-        named = {column: array[array.dtype.names[place]].reshape(-1) for column, place in places.items()}
-        return _columns(named, unit_of_name(array.dtype.names[places["t"]]), stated)
+        fields = array.dtype.names
+        places = find_columns(fields, where=str(path))
+        refuse_split_time(fields, places["t"], lambda place: array[fields[place]].reshape(-1), path)
+        if (camera := camera_column(fields)) is not None:
+            refuse_several_cameras(np.unique(array[fields[camera]]), path)
+        named = {column: array[fields[place]].reshape(-1) for column, place in places.items()}
+        return _columns(named, unit_of_name(fields[places["t"]]), stated)
     if array.ndim == 2 and array.shape[0] == 4 != array.shape[1]:
         array = array.T
     if array.ndim != 2 or array.shape[1] != 4:

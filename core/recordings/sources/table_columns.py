@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Final
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from core.errors import RecordingError
 from core.events import SensorSize
-from core.foreign_tables import spelled, without_unit
+from core.foreign_tables import UNITS_US, spelled, without_unit
 
 _NAMES: Final = {
     "t": (
@@ -95,6 +95,35 @@ def refuse_several_cameras(cameras: Iterable[object], where: object) -> None:
             got=", ".join(found[:8]),
             where=where,
             remedy="write the events of each camera into a file of its own, and import them together",
+        )
+
+
+def refuse_split_time(names: Sequence[str], times: int, read: Callable[[int], NDArray], where: object) -> None:
+    """Raise RecordingError if seconds and what is beyond them stand in two columns, as ROS writes its times.
+
+    One column alone would put all events of a second at one time. A time that is given twice, in two units, passes.
+
+    Args:
+        names: of all columns.
+        times: position of the one that is taken for the times.
+        read: gives the first values of the column at a position.
+        where: what the error names.
+    """
+    stem = without_unit(_spelled(names[times]))[0]
+    places = [place for place, name in enumerate(names) if without_unit(_spelled(name))[0] == stem]
+    units_us = {place: UNITS_US[unit] for place in places if (unit := unit_of_name(names[place])) is not None}
+    if len(set(units_us.values())) != 2:
+        return
+    whole, rest = max(units_us, key=units_us.__getitem__), min(units_us, key=units_us.__getitem__)
+    in_one = round(units_us[whole] / units_us[rest])
+    wholes, rests = (read(place).astype(np.float64) for place in (whole, rest))
+    if len(wholes) == len(rests) > 0 and not has_fractions(wholes) and bool(((rests >= 0) & (rests < in_one)).all()):
+        raise RecordingError(
+            "the times are split over two columns",
+            expected="one column of times",
+            got=f"whole numbers in {names[whole]}, the rest in {names[rest]}",
+            where=where,
+            remedy=f"write one column of both, named with its unit: {in_one} * {names[whole]} + {names[rest]}",
         )
 
 

@@ -27,6 +27,7 @@ from core.recordings.sources.table_columns import (
     camera_column,
     find_columns,
     refuse_several_cameras,
+    refuse_split_time,
     size_in_names,
     unit_of_name,
 )
@@ -162,6 +163,8 @@ def _find_layout(path: Path) -> _Layout:
             where=path,
             remedy="name every column; numbers with decimal commas need another separator",
         )
+    sample = _cleaned(lines[skip + 1 :], layout, {})
+    refuse_split_time(names, places["t"], lambda place: _parse(sample, separator, [place])[0].reshape(-1), path)
     dates = _place_of_date(second)
     layout = replace(layout, dates=dates if dates == places["t"] else None)
     word = second[places["p"]].strip() if len(second) > places["p"] else ""

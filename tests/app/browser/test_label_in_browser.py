@@ -200,6 +200,7 @@ def labelling(first_labelling, request) -> Labelling:
     found.window.seek(BALL_US)
     found.window.page.mouse.click(*found.on_sheet(1200, -10))  # keys do nothing while a field has the cursor
     found.settle(BALL_US)
+    eventually(lambda: found.mode._suggestions.share is None, "no detector runs: I would cancel it")
     return found
 
 
