@@ -69,7 +69,8 @@ def experiments(seeds: int, first_seed: int = FIRST_SEED, shorten: int = 1) -> t
         "paper": base,
         "steady": NAMED_RUNS["steady"],
         "placing": NAMED_RUNS["placing"],
-        "placing + wider networks": CHANGES["wider networks"](NAMED_RUNS["placing"]),
+        "placing + narrower networks": _ddpg(hidden=64)(NAMED_RUNS["placing"]),
+        "placing + fewer updates": _ddpg(updates_per_episode=4)(NAMED_RUNS["placing"]),
         "straight": paper(stages((SPEED_MPS,), (1700,)), reward=RewardConfig(kind="case")),
         **{f"paper + {name}": change(base) for name, change in CHANGES.items()},
     }

@@ -38,13 +38,24 @@ def _steady() -> RunConfig:
 
 
 def _placing() -> RunConfig:
-    """Without the paper's rules: 5 m/s only, true states, placing counts from the first ball, each has four targets."""
+    """Without the paper's rules: 5 m/s only, true states, placing counts from the first ball, each has four targets.
+
+    Half the width and half the updates halve the time of a training, and land twice as far from the target.
+    """
     return RunConfig(
         environment=EnvironmentConfig(state_source="truth"),
         reward=RewardConfig(kind="case", case_weight=0.0),
         exploration=ExplorationConfig(random_episodes=32),
         curriculum=CurriculumConfig(speeds_mps=(5.0,), episodes=(1700,), replay="retain"),
-        ddpg=DdpgConfig(batch=32, relabels=3, actor_rate=1e-3, critic_rate=2e-3, final_rate=0.1),
+        ddpg=DdpgConfig(
+            hidden=128,
+            batch=32,
+            updates_per_episode=8,
+            relabels=3,
+            actor_rate=1e-3,
+            critic_rate=2e-3,
+            final_rate=0.1,
+        ),
     )
 
 
