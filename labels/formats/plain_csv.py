@@ -5,7 +5,8 @@ Contacts are in a table of their own beside it, `<camera>.contacts.csv`: time, k
 Read is also a 2D track of another tool: a table with a time (or the step to the row before), x and y, perhaps a radius.
 `t_us,x,y` or any usual spelling of the columns; `dt` counts from the row before, the first from 0; a column `frame` has
 its times in `--frame-times`. A time without a unit is in us if all are whole numbers, else in s, and a note says so.
-Rows without a position are passed over: nobody says that there was no ball. One at 0, 0 is rejected.
+Rows without a position are passed over: nobody says that there was no ball. So are those that a column `visible` or
+`detected` calls none: their position is left from before. One at 0, 0 is rejected.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from typing import Final
 
 from core.errors import LabelError
 from core.foreign_tables import NO_NUMBER, UNITS_US, split_unit
+from core.text import counted
 from labels.formats.deeplabcut import is_deeplabcut, read_deeplabcut
 from labels.formats.exchange import (
     HALF_PIXEL,
@@ -58,6 +60,10 @@ _FRAMES: Final = ("frame", "frame_id", "frame_number", "frame_index", "frameid")
 _X: Final = ("x", "x_px", "u", "cx", "x_center", "px")
 _Y: Final = ("y", "y_px", "v", "cy", "y_center", "py")
 _RADIUS: Final = ("r", "r_px", "radius", "radius_px")
+_SEEN: Final = ("visible", "visibility", "is_visible", "detected", "is_detected", "found", "valid")
+_UNSEEN: Final = ("0", "0.0", "false", "f", "no")
+_WHOSE: Final = ("camera", "cam", "camera_id", "cam_id", "camera_name", "track_id", "object_id", "ball_id", "class_id")
+"""Columns that tell apart what cannot be one track."""
 _CENTRES: Final = ("cx", "x_center")
 _SIDES: Final = (("w", "h"), ("width", "height"), ("bb_width", "bb_height"), ("box_w", "box_h"))
 _SHORTEST_STEP_US: Final = 100
@@ -77,20 +83,23 @@ class TrackColumns:
     x: int
     y: int
     radius: int | None
+    seen: int | None
+    """Whether there is a ball at all."""
 
 
 def track_columns(header: list[str]) -> TrackColumns | None:
     """The columns of a track by its names in small letters; None if it is none."""
-    x, y, radius, frame = (
-        next((header.index(name) for name in names if name in header), None) for names in (_X, _Y, _RADIUS, _FRAMES)
+    x, y, radius, frame, seen = (
+        next((header.index(name) for name in names if name in header), None)
+        for names in (_X, _Y, _RADIUS, _FRAMES, _SEEN)
     )
     if x is None or y is None:
         return None
     found = [(at, times) for at, name in enumerate(header) if (times := split_unit(name, _TIMES, joined=True))]
     if len(found) == 1:
         ((place, (stem, unit)),) = found
-        return TrackColumns(len(header), place, unit, stem.startswith("d"), False, x, y, radius)
-    return None if frame is None or found else TrackColumns(len(header), frame, None, False, True, x, y, radius)
+        return TrackColumns(len(header), place, unit, stem.startswith("d"), False, x, y, radius, seen)
+    return None if frame is None or found else TrackColumns(len(header), frame, None, False, True, x, y, radius, seen)
 
 
 def read_track(
@@ -105,17 +114,20 @@ def read_track(
     if columns.unit is None and not columns.frames and rows:
         collector.note(f"{file.name} does not name the unit of its times: {unit} is assumed")
     across, down = context.stated_factors
-    now = 0.0
+    now, unseen = 0.0, 0
     seen: list[tuple[float, float]] = []
 
     def label_of(fields: list[str]) -> Label | None:
-        nonlocal now
+        nonlocal now, unseen
         time = finite(fields[columns.time], "the time")
         if columns.steps and time < 0:
             raise LabelError("a step back in time", got=time)
         now = now + time if columns.steps else time
         places = fields[columns.x].strip(), fields[columns.y].strip()
         if {place.lower() for place in places} & NO_NUMBER:
+            return None
+        if columns.seen is not None and fields[columns.seen].strip().lower() in _UNSEEN:
+            unseen += 1
             return None
         if columns.frames:
             t_us = context.time_of_frame(whole_number(fields[columns.time], "the frame"))
@@ -132,7 +144,18 @@ def read_track(
         return context.ball(t_us, LabelState.VISIBLE, x, y, radius)
 
     add_rows(rows, columns.count, file, collector, label_of)
+    if unseen:
+        collector.note(f"{file.name}: {counted(unseen, 'row')} that a column calls no ball left out")
     note_likely_size(seen, context, collector)
+
+
+def _several(header: list[str], rows: list[tuple[int, list[str]]]) -> str | None:
+    """What tells that the rows are of several cameras or things, with its values; None if nothing does."""
+    for at, name in enumerate(header):
+        values = {fields[at].strip() for _, fields in rows if len(fields) == len(header)} if name in _WHOSE else set()
+        if len(values) > 1:
+            return f"{name} = {', '.join(sorted(values)[:8])}"
+    return None
 
 
 def _likely_unit(rows: list[tuple[int, list[str]]], columns: TrackColumns) -> str:
@@ -211,7 +234,10 @@ def _read_file(text: str, file: Path, context: ImportContext, collector: Collect
             what = "x and y beside the sides of a box may be its corner: expected its centre, as cx, cy"
             collector.reject(file, 1, f"{what}, got {', '.join(header)[:200]}")
             return
-        read = {columns.time, columns.x, columns.y, columns.radius}
+        if several := _several([name.lower() for name in header], track):
+            collector.reject(file, 1, f"several tracks in one table: expected one value, got {several}; part the table")
+            return
+        read = {columns.time, columns.x, columns.y, columns.radius, columns.seen}
         if others := [name for at, name in enumerate(header) if at not in read and name]:
             collector.note(f"{file.name}: the columns {', '.join(others)} are not read")
         read_track(track, columns, file, context, collector)
