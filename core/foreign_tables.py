@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import re
+from collections.abc import Collection, Iterable, Sequence
 from typing import Final, Literal
 
 UNITS_US: Final = {"ns": 1e-3, "us": 1.0, "ms": 1e3, "s": 1e6}
@@ -85,6 +86,19 @@ def separator_of(text: str) -> str:
 def with_point(text: str) -> str:
     """A number with a decimal point for its decimal comma; other texts as they are (timeseer-ai/kukur#279)."""
     return text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text) else text
+
+
+def several_values(header: Sequence[str], rows: Iterable[Sequence[str]], names: Collection[str]) -> str | None:
+    """The column, of those with these names, whose cells differ, and some of them; None if each has one value.
+
+    It tells apart what cannot be one track, such as cameras; rows of another length say nothing.
+    """
+    rows = [row for row in rows if len(row) == len(header)]
+    for at, name in enumerate(header):
+        values = {row[at].strip() for row in rows} if spelled(name) in names else set[str]()
+        if len(values) > 1:
+            return f"{name} = {', '.join(sorted(values)[:8])}"
+    return None
 
 
 def allowed_odd(rows: int) -> float:

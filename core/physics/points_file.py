@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import RallyscopeError
-from core.foreign_tables import METRES, NO_NUMBER, spelled, split_unit, with_point
+from core.foreign_tables import METRES, NO_NUMBER, several_values, spelled, split_unit, with_point
 from core.physics.flight_motion import (
     ABOVE_TABLE_M,
     FEWEST,
@@ -50,6 +50,9 @@ TIME_NAMES: Final = "t|time|timestamp|stamp"
 LENGTHS_M: Final = {**METRES, "in": INCH_M, "inch": INCH_M, "inches": INCH_M, "ft": 0.3048, "feet": 0.3048}
 """Unit of length of a flight -> metres."""
 PLACE_NAME: Final = re.compile(rf"(?:p|pos|position|ball)?([xyz])(?:world)?({'|'.join(LENGTHS_M)})?(?:world)?")
+ONE_FLIGHT: Final = "a file holds one flight: write each into a file of its own"
+WHOSE: Final = ("ball", "ball_id", "track", "track_id", "object_id", "flight", "flight_id")
+"""Columns that tell flights apart."""
 LARGEST_TIME_S = 1e10
 """Seconds since 1970 are 2e9; milliseconds of that age would be 2e12."""
 LARGEST_PLACE_M = 100.0
@@ -117,7 +120,12 @@ def read_points_file(path: Path) -> PointsFile:
     except csv.Error as error:
         raise PointsFileError("not a CSV file", got=error, where=path) from error
     cells = [(line, row) for line, row in cells if any(cell.strip() for cell in row) and row[0].lstrip()[:1] != "#"]
-    rows = _numbers(cells, columns, path, notes, len(header))
+    if several := several_values(header, (row for _, row in cells), WHOSE):
+        remedy = "a file holds one flight: write each into a file of its own"
+        raise PointsFileError(
+            "several flights in one file", expected="one value", got=several, where=path, remedy=remedy
+        )
+    rows = _without_origin(_numbers(cells, columns, path, notes, len(header)), notes)
     rows = _in_order(_without_stray_times(rows, columns, path, notes), columns, path, notes)
     return _scaled(rows, columns, path, notes)
 
@@ -262,6 +270,18 @@ def _number(text: str, column: str, where: str) -> float | None:
     return value
 
 
+def _without_origin(rows: _Rows, notes: list[str]) -> _Rows:
+    """The rows without those at 0, 0, 0, which many trackers write where they found nothing.
+
+    A ball is never there: the world's origin is on the table's top, and its centre a radius above.
+    """
+    nowhere = (rows.table[:, 1:] == 0).all(axis=1)
+    if not nowhere.any() or nowhere.all():
+        return rows
+    notes.append(f"{int(nowhere.sum())} of {len(nowhere)} rows at 0,0,0 left out: that stands for no position")
+    return rows.those(~nowhere)
+
+
 def _without_stray_times(rows: _Rows, columns: _Columns, path: Path, notes: list[str]) -> _Rows:
     """The rows without a few whose times are far from those before and after them; all rows if there are more."""
     t = rows.table[:, 0]
@@ -325,7 +345,7 @@ def _in_order(rows: _Rows, columns: _Columns, path: Path, notes: list[str]) -> _
             expected=f"more than {table[at, 0]:.6f}",
             got=table[at + 1, 0],
             where=f"{path}, row {lines[at + 1]}",
-            remedy="a file holds one flight: write each into a file of its own",
+            remedy=ONE_FLIGHT,
         )
     notes.append(f"the rows were not in the order of {columns.names[0]}, {len(back)} of them step back: sorted")
     return rows.those(np.argsort(table[:, 0], kind="stable"))

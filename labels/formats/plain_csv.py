@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Final
 
 from core.errors import LabelError
-from core.foreign_tables import NO_NUMBER, UNITS_US, split_unit
+from core.foreign_tables import NO_NUMBER, UNITS_US, several_values, split_unit
 from core.text import counted
 from labels.formats.deeplabcut import is_deeplabcut, read_deeplabcut
 from labels.formats.exchange import (
@@ -65,7 +65,10 @@ _UNSEEN: Final = ("0", "0.0", "false", "f", "no")
 _WHOSE: Final = ("camera", "cam", "camera_id", "cam_id", "camera_name", "track_id", "object_id", "ball_id", "class_id")
 """Columns that tell apart what cannot be one track."""
 _CENTRES: Final = ("cx", "x_center")
-_SIDES: Final = (("w", "h"), ("width", "height"), ("bb_width", "bb_height"), ("box_w", "box_h"))
+_SIDES: Final = (
+    ("w", "h"), ("width", "height"), ("bb_width", "bb_height"), ("bbox_width", "bbox_height"), ("bbox_w", "bbox_h"),
+    ("box_w", "box_h"), ("box_width", "box_height"), ("bw", "bh"), ("size_x", "size_y"),
+)  # fmt: skip
 _SHORTEST_STEP_US: Final = 100
 """Nobody labels a ball so often: by then it has moved by no more than a pixel."""
 
@@ -149,15 +152,6 @@ def read_track(
     note_likely_size(seen, context, collector)
 
 
-def _several(header: list[str], rows: list[tuple[int, list[str]]]) -> str | None:
-    """What tells that the rows are of several cameras or things, with its values; None if nothing does."""
-    for at, name in enumerate(header):
-        values = {fields[at].strip() for _, fields in rows if len(fields) == len(header)} if name in _WHOSE else set()
-        if len(values) > 1:
-            return f"{name} = {', '.join(sorted(values)[:8])}"
-    return None
-
-
 def _likely_unit(rows: list[tuple[int, list[str]]], columns: TrackColumns) -> str:
     """Microseconds where all times are whole numbers, else seconds."""
     texts = [fields[columns.time].strip() for _, fields in rows if len(fields) == columns.count]
@@ -234,7 +228,7 @@ def _read_file(text: str, file: Path, context: ImportContext, collector: Collect
             what = "x and y beside the sides of a box may be its corner: expected its centre, as cx, cy"
             collector.reject(file, 1, f"{what}, got {', '.join(header)[:200]}")
             return
-        if several := _several([name.lower() for name in header], track):
+        if several := several_values(header, (fields for _, fields in track), _WHOSE):
             collector.reject(file, 1, f"several tracks in one table: expected one value, got {several}; part the table")
             return
         read = {columns.time, columns.x, columns.y, columns.radius, columns.seen}

@@ -201,3 +201,21 @@ def test_a_plain_file_has_no_remarks_and_fit_physics_reads_the_same(tmp_path: Pa
     assert read(tmp_path, PLAIN).notes == ()
     flown, points = read_flight_file(tmp_path / "flight.csv")
     assert np.array_equal(flown.ps_m, points.ps_m) and flown.t_s[0] == 0
+
+
+def test_rows_at_the_origin_are_no_positions(tmp_path: Path) -> None:
+    places = PS.copy()
+    places[[0, 10, 40]] = 0
+    found = read(tmp_path, table("t_s,x_m,y_m,z_m", T, places))
+    assert len(found.t_s) == len(T) - 3 and not (found.ps_m == 0).all(axis=1).any()
+    assert "3 of 90 rows at 0,0,0 left out: that stands for no position" in found.notes
+
+
+def test_flights_that_a_column_tells_apart_are_refused(tmp_path: Path) -> None:
+    def numbered(numbers: str) -> str:
+        rows = [f"{line},{number}" for line, number in zip(LINES[1:], numbers * 45, strict=True)]
+        return "\n".join([f"{LINES[0]},ball", *rows])
+
+    assert len(read(tmp_path, numbered("11")).t_s) == len(T)
+    with pytest.raises(PointsFileError, match="several flights in one file; expected one value, got ball = 1, 2"):
+        read(tmp_path, numbered("12"))

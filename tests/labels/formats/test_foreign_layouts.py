@@ -460,6 +460,8 @@ TABLES = [
          [(10_000, V, 640.0, 180.0), (20_000, V, 641.0, 180.0)]),
     Case("two tracks", "csv", {"a.csv": "t_us,x,y,track_id\n10000,640,180,1\n20000,9,9,2\n"}, [],
          ("several tracks in one table: expected one value, got track_id = 1, 2",)),
+    Case("corners of boxes", "csv", {"a.csv": "t_us,x,y,box_width,box_height\n10000,640,180,12,12\n"}, [],
+         ("beside the sides of a box",)),
     Case("two cameras", "csv", {"a.csv": "t_us,x,y,camera\n10000,640,180,left\n20000,9,9,right\n"}, [],
          ("got camera = left, right",)),
     Case("times in ms", "tracknet", {"a.csv": LETTERS + "1,1,640,180\n"}, [(16_667, V, 640.0, 180.0)],
