@@ -121,10 +121,8 @@ def read_points_file(path: Path) -> PointsFile:
         raise PointsFileError("not a CSV file", got=error, where=path) from error
     cells = [(line, row) for line, row in cells if any(cell.strip() for cell in row) and row[0].lstrip()[:1] != "#"]
     if several := several_values(header, (row for _, row in cells), WHOSE):
-        remedy = "a file holds one flight: write each into a file of its own"
-        raise PointsFileError(
-            "several flights in one file", expected="one value", got=several, where=path, remedy=remedy
-        )
+        what = "several flights in one file"
+        raise PointsFileError(what, expected="one value", got=several, where=path, remedy=ONE_FLIGHT)
     rows = _without_origin(_numbers(cells, columns, path, notes, len(header)), notes)
     rows = _in_order(_without_stray_times(rows, columns, path, notes), columns, path, notes)
     return _scaled(rows, columns, path, notes)

@@ -148,7 +148,7 @@ def read_track(
 
     add_rows(rows, columns.count, file, collector, label_of)
     if unseen:
-        collector.note(f"{file.name}: {counted(unseen, 'row')} that a column calls no ball left out")
+        collector.note(f"{file.name}: {counted(unseen, 'row')} left out: a column says that there is no ball")
     note_likely_size(seen, context, collector)
 
 

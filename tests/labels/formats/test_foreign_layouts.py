@@ -453,7 +453,7 @@ TABLES = [
     Case("ours, milliseconds", "csv", {"a.csv": "t_ms,state,x_px,y_px\n10,visible,640,180\n"}, [],
          ("not a label table",)),
     Case("rows that another tool calls none", "csv", {"a.csv": "t_us,x,y,visible\n10000,640,180,1\n20000,640,180,0\n"},
-         [(10_000, V, 640.0, 180.0)], ("1 row that a column calls no ball left out",)),
+         [(10_000, V, 640.0, 180.0)], ("1 row left out: a column says that there is no ball",)),
     Case("the same in words", "csv", {"a.csv": "t_us,x,y,detected\n10000,640,180,True\n20000,640,180,False\n"},
          [(10_000, V, 640.0, 180.0)], ("left out",)),
     Case("one track", "csv", {"a.csv": "t_us,x,y,track_id\n10000,640,180,7\n20000,641,180,7\n"},
