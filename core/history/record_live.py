@@ -35,6 +35,7 @@ from core.live.link import messages as m
 from core.live.link.live_source import LiveSource
 from core.live.live_player import LivePlayer
 from core.recordings import BallTruth, PixelTruth, RecordingWriter
+from core.text import counted
 
 
 class LiveRows:
@@ -256,7 +257,7 @@ class LiveRecorder:
                         with self._counting:
                             self._waiting_bytes -= message.pixels.nbytes
                 if self._left_out:
-                    left_out = f"{self._left_out:,} pictures of frame cameras are left out"
+                    left_out = f"{counted(self._left_out, 'picture')} of frame cameras left out"
                     self._writer.note(f"{left_out}: they came faster than they could be written.")
         except RallyscopeError as error:
             self.error = self.error or error

@@ -104,10 +104,10 @@ class Grid:
         return max(self.duration_us - 1, 0) // self.step_us * self.step_us
 
     def times(self) -> NDArray[np.int64]:
-        """All times that can be labelled."""
+        """All times that can be labelled; none in an empty recording."""
         if self.frames_us is not None:
             return self.frames_us
-        return np.arange(0, self.last_us + 1, self.step_us, dtype=np.int64)
+        return np.arange(0, self.duration_us, self.step_us, dtype=np.int64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -343,8 +343,7 @@ def test_pictures_for_which_the_disk_is_too_slow_are_left_out_and_a_note_says_so
         recorder.stop()
     with open_recording(tmp_path / "again.h5") as again:
         assert again.notes == (
-            f"{len(halting.pictures)} pictures of frame cameras are left out: they came faster than they could be "
-            "written.",
+            f"{len(halting.pictures)} pictures of frame cameras left out: they came faster than they could be written.",
         )
         assert again.cameras[EVENT_CAMERAS[0]].event_count > 1000
         assert list(again.cameras) == list(EVENT_CAMERAS), "one without pictures is no event camera"

@@ -119,6 +119,10 @@ def test_the_time_to_label_that_is_nearest(grid: Grid, t_us: int, nearest_us: in
     assert grid.nearest(t_us) == nearest_us
 
 
+def test_an_empty_recording_has_no_time_to_label() -> None:
+    assert [len(Grid(duration_us, 2000).times()) for duration_us in (0, 1, 2000, 2001)] == [0, 1, 1, 2]
+
+
 def test_who_comes_from_between_the_times_to_label_goes_to_the_nearest_unless_a_label_is_there(bench: Bench) -> None:
     bench.editor.go_to(BALL_US + 1500)
     bench.editor.do(LabelEditor.enter)
