@@ -156,8 +156,6 @@ class OutgoingFit:
     """Log evidence for this kind of flight, up to a constant that all kinds share."""
     points: int
     """Number of points without outliers."""
-    misfit: float
-    """Mean squared normalised distance per coordinate: 1 if the points' covariances are right."""
 
     @property
     def has_air(self) -> bool:
@@ -197,14 +195,16 @@ def fit_outgoing(points: BallPoints, at_s: float, config: OutcomeClassifierConfi
         if (np.abs(step) < 1e-3 * STEPS[:unknowns]).all():
             break
     right = squares < STRAY
-    misfit = float(np.median(squares) / 2.366)  # the median of a chi squared of three
+    # Mean squared normalised distance per coordinate, 1 if the points' covariances are right: by the median, of which a
+    # chi squared of three has 2.366.
+    misfit = float(np.median(squares) / 2.366)
     covariance = np.zeros((10, 10))
     # Noise that is larger than the points say shows in the misfit.
     covariance[:unknowns, :unknowns] = np.linalg.inv(normal) * max(1.0, misfit)
     gained = -0.5 * np.linalg.slogdet(normal * np.outer(prior, prior))[1]
     off = ((row[:unknowns] - prior_mean) / prior)[6:]
     fits = -0.5 * float(np.minimum(squares, STRAY).sum()) / config.alike_points - 0.5 * float(off @ off)
-    return OutgoingFit(at_s, row, covariance, lift, float(gained) + fits, int(right.sum()), misfit)
+    return OutgoingFit(at_s, row, covariance, lift, float(gained) + fits, int(right.sum()))
 
 
 def _first_guess(points: BallPoints, at_s: float, config: OutcomeClassifierConfig, *, air: bool) -> Array:

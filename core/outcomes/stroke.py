@@ -169,8 +169,6 @@ class ClassifiedStroke:
     """Time of the impact on the racket, us."""
     hit_state: Array
     """(6,) position and velocity just after the impact."""
-    hit_covariance: Array
-    """(6, 6) covariance of `hit_state`."""
     landing_us: float
     landing_m: Array
     """(3,) landing point in the table's plane, net and floor ignored."""
@@ -225,7 +223,7 @@ def judge_stroke(points: BallPoints, turn_s: float, config: OutcomeClassifierCon
     if not fits:
         return None
     futures = draw_hypotheses(fits, config, _points_after(points, float(part.t_s[-1]), candidates, config))
-    return _describe(futures, max(fits, key=_evidence), points, config)
+    return _describe(futures, max(fits, key=_evidence), points)
 
 
 def possible_contacts(fit: OutgoingFit) -> list[float]:
@@ -265,9 +263,7 @@ def _points_after(
     return points.part((points.t_s > last_s) & np.any(near, axis=0))
 
 
-def _describe(
-    futures: Hypotheses, fit: OutgoingFit, points: BallPoints, config: OutcomeClassifierConfig
-) -> ClassifiedStroke:
+def _describe(futures: Hypotheses, fit: OutgoingFit, points: BallPoints) -> ClassifiedStroke:
     probabilities = futures.probabilities()
     case = Case(int(np.argmax(probabilities)))
     w = futures.weights
@@ -281,15 +277,12 @@ def _describe(
     # What is seen after the contact moves the weights, never the spread below what the points leave open.
     off = futures.landings[:, :2] - landing[:2]
     start_us = points.start_us
-    state = fit.row[:6].copy()
-    covariance = fit.covariance[:6, :6] + np.diag([config.bias_m**2] * 3 + [config.tilt_mps**2] * 3)
     return ClassifiedStroke(
         t_us=start_us + round(1e6 * float(points.t_s[-1])),
         case=case,
         probabilities=probabilities,
         hit_us=start_us + 1e6 * fit.at_s,
-        hit_state=state,
-        hit_covariance=covariance,
+        hit_state=fit.row[:6].copy(),
         landing_us=start_us + 1e6 * float(w @ futures.landing_s),
         landing_m=landing[:3],
         landing_covariance_m2=(off * w[:, None]).T @ off,
@@ -327,7 +320,6 @@ def _without_flight(t_us: int, case: Case, probability: float, at_m: Array) -> C
         probabilities=probabilities,
         hit_us=nan,
         hit_state=np.full(6, nan),
-        hit_covariance=np.full((6, 6), nan),
         landing_us=nan,
         landing_m=at_m,
         landing_covariance_m2=STOPPED_M**2 * np.eye(2) if known else np.full((2, 2), nan),
