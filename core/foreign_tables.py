@@ -32,6 +32,10 @@ _JOINTS: Final = re.compile(r"[\s_\-\[(/.:]+")
 NO_NUMBER: Final = frozenset({"", "nan", "na", "n/a", "null", "none", "-", "--"})
 """Cells without a value, in small letters: those of pandas, R and spreadsheets."""
 _DECIMAL_COMMA: Final = re.compile(r"\s*[-+]?(?:\d+,\d*|,\d+)(?:e[-+]?\d+)?\s*", re.IGNORECASE)
+CAMERA_NAMES: Final = (
+    "camera", "cam", "camera_id", "cam_id", "camera_name", "cam_name", "sensor", "sensor_id", "device_id",
+)  # fmt: skip
+"""Columns whose values tell cameras apart."""
 ODD_SHARE: Final = 0.01
 FEW_ODD: Final = 3
 """So many odd rows are never too many: a tiny file may have one."""

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Final
 
 from core.errors import LabelError
-from core.foreign_tables import NO_NUMBER, UNITS_US, several_values, split_unit
+from core.foreign_tables import CAMERA_NAMES, NO_NUMBER, UNITS_US, several_values, split_unit
 from core.text import counted
 from labels.formats.deeplabcut import is_deeplabcut, read_deeplabcut
 from labels.formats.exchange import (
@@ -62,7 +62,7 @@ _Y: Final = ("y", "y_px", "v", "cy", "y_center", "py")
 _RADIUS: Final = ("r", "r_px", "radius", "radius_px")
 _SEEN: Final = ("visible", "visibility", "is_visible", "detected", "is_detected", "found", "valid")
 _UNSEEN: Final = ("0", "0.0", "false", "f", "no")
-_WHOSE: Final = ("camera", "cam", "camera_id", "cam_id", "camera_name", "track_id", "object_id", "ball_id", "class_id")
+_WHOSE: Final = (*CAMERA_NAMES, "track_id", "object_id", "ball_id", "class_id")
 """Columns that tell apart what cannot be one track."""
 _CENTRES: Final = ("cx", "x_center")
 _SIDES: Final = (

@@ -40,7 +40,7 @@ def _steady() -> RunConfig:
 def _placing() -> RunConfig:
     """Without the paper's rules: 5 m/s only, true states, placing counts from the first ball, each has four targets.
 
-    Half the width and half the updates halve the time of a training, and land twice as far from the target.
+    Half the width and half the updates take less than half the time, and land twice as far from the target.
     """
     return RunConfig(
         environment=EnvironmentConfig(state_source="truth"),

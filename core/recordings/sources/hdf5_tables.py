@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import importlib
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -124,24 +124,27 @@ def _find_tables(file: h5py.File) -> list[_Table]:
     def look(name: str, item: object) -> None:
         if len(found) >= _MOST_TABLES:
             return
-        records = isinstance(item, h5py.Dataset)
-        if isinstance(item, h5py.Group):
-            columns = _columns_of(item)
-        else:
-            columns = list(item.dtype.names or ()) if isinstance(item, h5py.Dataset) and item.ndim else []
+        if not (isinstance(item, h5py.Group) or (isinstance(item, h5py.Dataset) and item.ndim)):
+            return
+        columns = _columns_of(item)
         try:
             places = find_columns(columns, where="")
         except RecordingError:
             return
-        found.append(_Table(name, tuple(columns[places[column]] for column in _COLUMNS), records))
+        found.append(
+            _Table(name, tuple(columns[places[column]] for column in _COLUMNS), isinstance(item, h5py.Dataset))
+        )
 
     look("/", file)
     file.visititems(look)
     return found
 
 
-def _columns_of(group: h5py.Group) -> list[str]:
-    return [str(key) for key, child in group.items() if isinstance(child, h5py.Dataset)]
+def _columns_of(holder: h5py.Group | h5py.Dataset) -> list[str]:
+    """Names of the datasets of a group, or of the fields of records."""
+    if isinstance(holder, h5py.Dataset):
+        return list(holder.dtype.names or ())
+    return [str(key) for key, child in holder.items() if isinstance(child, h5py.Dataset)]
 
 
 def _camera_names(paths: list[str]) -> list[str]:
@@ -192,7 +195,7 @@ def _open_table(
 def _check_one_camera(path: Path, file: h5py.File, table: _Table, count: int) -> None:
     """Raises RecordingError if a column beside the events says that they are of several cameras."""
     holder = dataset_at(file, table.path) if table.records else group_at(file, table.path)
-    names = list(holder.dtype.names or ()) if isinstance(holder, h5py.Dataset) else [str(name) for name in holder]
+    names = _columns_of(holder)
     place = camera_column(names)
     name = "" if place is None else names[place]
     if isinstance(holder, h5py.Group):
@@ -213,13 +216,10 @@ def _check_one_camera(path: Path, file: h5py.File, table: _Table, count: int) ->
 
 def _check_one_time(path: Path, file: h5py.File, table: _Table) -> None:
     """Raises RecordingError if a time is split over two columns."""
-    holder = dataset_at(file, table.path) if table.records else group_at(file, table.path)
-    names: list[str] = _columns_of(holder) if isinstance(holder, h5py.Group) else list(holder.dtype.names or ())
+    names = _columns_of(dataset_at(file, table.path) if table.records else group_at(file, table.path))
 
     def read(place: int) -> NDArray:
-        if isinstance(holder, h5py.Dataset):
-            return np.asarray(holder[:_SAMPLE_ROWS])[names[place]].reshape(-1)
-        return np.asarray(dataset_at(holder, names[place])).reshape(-1)[:_SAMPLE_ROWS]
+        return replace(table, names=(names[place],) * len(_COLUMNS)).read(file, 0, _SAMPLE_ROWS).t
 
     try:
         refuse_split_time(names, names.index(table.names[0]), read, path)

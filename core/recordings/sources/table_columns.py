@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from core.errors import RecordingError
 from core.events import SensorSize
-from core.foreign_tables import UNITS_US, spelled, without_unit
+from core.foreign_tables import CAMERA_NAMES, UNITS_US, spelled, without_unit
 
 _NAMES: Final = {
     "t": (
@@ -29,18 +29,6 @@ _NAMES: Final = {
     "p": ("p", "ps", "pol", "pols", "polarity", "polarities", "on", "sign", "is_on", "on_off", "event_polarity"),
 }  # fmt: skip
 """Usual spellings; that of a time may end with its unit."""
-_CAMERAS: Final = (
-    "camera",
-    "cam",
-    "camera_id",
-    "cam_id",
-    "camera_name",
-    "cam_name",
-    "sensor",
-    "sensor_id",
-    "device_id",
-)
-"""Columns whose values tell cameras apart."""
 _AT_SIZE: Final = re.compile(r"([xy])@([0-9]{1,5})")
 
 
@@ -82,7 +70,7 @@ def find_columns(names: Sequence[str], *, where: str) -> dict[str, int]:
 
 def camera_column(names: Sequence[str]) -> int | None:
     """Position of the column that says which camera an event is of; None if there is none."""
-    return next((place for place, name in enumerate(names) if _spelled(name) in _CAMERAS), None)
+    return next((place for place, name in enumerate(names) if _spelled(name) in CAMERA_NAMES), None)
 
 
 def refuse_several_cameras(cameras: Iterable[object], where: object) -> None:

@@ -163,8 +163,11 @@ def _find_layout(path: Path) -> _Layout:
             where=path,
             remedy="name every column; numbers with decimal commas need another separator",
         )
-    sample = _cleaned(lines[skip + 1 :], layout, {})
-    refuse_split_time(names, places["t"], lambda place: _parse(sample, separator, [place])[0].reshape(-1), path)
+
+    def column_at(place: int) -> NDArray:
+        return _parse(_cleaned(lines[skip + 1 :], layout, {}), separator, [place])[0].reshape(-1)
+
+    refuse_split_time(names, places["t"], column_at, path)
     dates = _place_of_date(second)
     layout = replace(layout, dates=dates if dates == places["t"] else None)
     word = second[places["p"]].strip() if len(second) > places["p"] else ""
