@@ -126,17 +126,26 @@ def aedat2(rows: Rows, chip: bytes, width: int, height: int) -> bytes:
     return head + np.stack([address, rows.t % (1 << 32)], 1).astype(">u4").tobytes()
 
 
-def aedat3(rows: Rows, camera: bytes = b"DAVIS346", *, part: int = 300, more: bytes = b"") -> bytes:
-    """AEDAT 3.1: packets of polarity events, one event in each that is not valid, and `more` before the last one."""
-    out = b"#!AER-DAT3.1\r\n#Format: RAW\r\n#Source 1: " + camera + b"\r\n#!END-HEADER\r\n"
+def aedat3(rows: Rows, camera: bytes = b"DAVIS346", *, more: bytes = b"") -> bytes:
+    """AEDAT 3.1 of one camera, with `more` before the last packet."""
+    *packets, last = aedat3_packets(rows)
+    return aedat3_head(camera) + b"".join([*packets, more, last])
+
+
+def aedat3_head(*cameras: bytes) -> bytes:
+    named = b"".join(b"#Source %d: %s\r\n" % (number, name) for number, name in enumerate(cameras, 1))
+    return b"#!AER-DAT3.1\r\n#Format: RAW\r\n" + named + b"#!END-HEADER\r\n"
+
+
+def aedat3_packets(rows: Rows, *, source: int = 1, part: int = 300) -> list[bytes]:
+    """Of polarity events, one event in each that is not valid."""
+    out = []
     for first in range(0, len(rows.t), part):
         t, x, y, p = (column[first : first + part].astype(np.int64) for column in rows)
         words = np.append(x << 17 | y << 2 | p << 1 | 1, 9 << 17)  # the last has no valid bit
         times = np.append(t, t[-1]) & 0x7FFFFFFF
-        head = struct.pack("<hhiiiiii", 1, 1, 8, 4, int(t[0] >> 31), len(words), len(words), len(words) - 1)
-        out += (
-            (more if first + part >= len(rows.t) else b"") + head + np.stack([words, times], 1).astype("<u4").tobytes()
-        )
+        head = struct.pack("<hhiiiiii", 1, source, 8, 4, int(t[0] >> 31), len(words), len(words), len(words) - 1)
+        out.append(head + np.stack([words, times], 1).astype("<u4").tobytes())
     return out
 
 

@@ -7,12 +7,14 @@ Of a polarity event the first word is: bit 0 valid, bit 1 ON, bits 2-16 y, bits 
 from __future__ import annotations
 
 import re
+import struct
 from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.errors import RecordingError
 from core.events import SensorSize
@@ -22,12 +24,9 @@ from core.recordings.sources.source import Columns, DecodeReport, EventSource, F
 
 _END: Final = b"#!END-HEADER"
 _MAX_HEADER: Final = 1 << 20
-_PACKET: Final = np.dtype(
-    [
-        ("type", "<i2"), ("source", "<i2"), ("size", "<i4"), ("time_at", "<i4"), ("overflow", "<i4"),
-        ("capacity", "<i4"), ("number", "<i4"), ("valid", "<i4"),
-    ]
-)  # fmt: skip
+_SOURCE: Final = re.compile(rb"#\s*Source\s+(\d+):\s*([A-Za-z]+\d+)")
+_PACKET: Final = struct.Struct("<2h6i")
+"""Type, source, bytes of an event, offset of its time, high bits of the times, capacity, number, number of valid."""
 _LARGEST_EVENT: Final = 64 << 20
 _SPECIAL, _POLARITY = 0, 1
 _RISING, _FALLING = 2, 3
@@ -43,7 +42,7 @@ _CAMERAS: Final = {
 
 
 def open_aedat3(path: Path, sensor: SensorSize | None) -> list[EventSource]:
-    """The one camera of the file.
+    """Every camera of the file: cAER writes those of several into one, packet by packet.
 
     Raises:
         RecordingError: if its header does not end.
@@ -53,57 +52,93 @@ def open_aedat3(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     end = head.find(b"\n", head.find(_END)) + 1 if _END in head else 0
     if not end:
         raise RecordingError("the AEDAT 3 header has no end", expected=_END.decode(), where=path)
-    named = re.search(rb"#\s*Source\s+\d+:\s*([A-Za-z]+\d+)", head[:end])
-    known = _CAMERAS.get(named[1].decode().upper()) if named is not None else None
-    size = sensor or known
-    origin = FactOrigin.FILE if sensor is not None else FactOrigin.CAMERA
-    return [
-        make_source(
-            path, "camera", "AEDAT 3", size, lambda report: _decode(path, end, report), check_stream, sensor_from=origin
-        )
-    ]
+    named = {int(number): name.decode().upper() for number, name in _SOURCE.findall(head[:end])}
+    numbers = _sources_with_events(path, end) or [next(iter(named), 1)]
+    if len(numbers) == 1 and len(named) == 1:  # files edited by hand number it otherwise
+        named = dict.fromkeys(numbers, *named.values())
+    sources: list[EventSource] = []
+    for number in numbers:
+        name = "camera" if len(numbers) == 1 else f"camera{number}"
+        size = sensor or _CAMERAS.get(named.get(number, ""))
+        origin = FactOrigin.FILE if sensor is not None else FactOrigin.CAMERA
+        decode = partial(_decode, path, end, number)
+        sources.append(make_source(path, name, "AEDAT 3", size, decode, check_stream, sensor_from=origin))
+    return sources
 
 
-def _decode(path: Path, start: int, report: DecodeReport) -> Iterator[Columns]:
+def _sources_with_events(path: Path, start: int) -> list[int]:
+    """The numbers of the cameras of which there are polarity events, in order."""
+    with path.open("rb") as file:
+        file.seek(start)
+        found: set[int] = set()
+        while (header := _read_header(file)) is not None:
+            if header.kind == _POLARITY and header.number:
+                found.add(header.source)
+            file.seek(header.length, 1)
+    return sorted(found)
+
+
+def _decode(path: Path, start: int, source: int, report: DecodeReport) -> Iterator[Columns]:
     size = path.stat().st_size
     with path.open("rb") as file:
         file.seek(start)
         while True:
             at = file.tell()
-            report.share = at / max(1, size)
-            packet = _read_packet(file)
-            if packet is None:
-                report.leave_out(CUT_SHORT, size - at, f"{path.name}: stopped at byte {at:,}: no whole packet follows.")
+            report.share = min(1.0, at / max(1, size))
+            header = _read_header(file)
+            if header is None:
+                note = f"{path.name}: stopped at byte {at:,}: no whole packet follows."
+                report.leave_out(CUT_SHORT, max(0, size - at), note)
                 return
-            kind, words, t_us = packet
+            if header.source != source or header.kind not in (_SPECIAL, _POLARITY):  # pictures, the IMU and others
+                file.seek(header.length, 1)
+                continue
+            content = file.read(header.length)
+            count = len(content) // header.size
+            note = f"{path.name}: its last packet is cut short and holds {count:,} of {header.number:,} events."
+            report.leave_out("missing events", header.number - count, note)
+            rows = np.frombuffer(content, np.uint8, count * header.size).reshape(count, header.size)
+            words, times = (
+                np.ascontiguousarray(rows[:, first : first + 4]).view("<u4").ravel().astype(np.int64)
+                for first in (0, header.time_at)
+            )
             valid = (words & 1).astype(np.bool_)
-            words, t_us = words[valid], t_us[valid]
-            if kind == _POLARITY:
+            words, t_us = words[valid], times[valid] + (header.overflow << 31)
+            if header.kind == _POLARITY:
                 yield Columns(t_us, words >> 17, (words >> 2) & 0x7FFF, (words & 2) != 0)
-            elif kind == _SPECIAL:
+            else:
                 code = (words >> 1) & 0x7F
                 edge = (code == _RISING) | (code == _FALLING)
                 report.add_triggers(t_us[edge], code[edge] == _RISING, np.zeros(int(edge.sum())))
 
 
-def _read_packet(file: BinaryIO) -> tuple[int, NDArray[np.int64], NDArray[np.int64]] | None:
-    """Type, first words and times of the events of the next packet; None where no whole one follows."""
-    head = file.read(_PACKET.itemsize)
-    if len(head) < _PACKET.itemsize:
+@dataclass(frozen=True, slots=True)
+class _Header:
+    """Of a packet."""
+
+    kind: int
+    source: int
+    size: int
+    """Bytes of an event."""
+    time_at: int
+    overflow: int
+    number: int
+    """Events in the packet."""
+
+    @property
+    def length(self) -> int:
+        """Bytes of the events."""
+        return self.size * self.number
+
+
+def _read_header(file: BinaryIO) -> _Header | None:
+    """Of the next packet; None where none follows."""
+    head = file.read(_PACKET.size)
+    if len(head) < _PACKET.size:
         return None
-    header = np.frombuffer(head, _PACKET)[0]
-    size, number, time_at = (int(header[name]) for name in ("size", "number", "time_at"))
-    if not (8 <= size <= _LARGEST_EVENT and 0 <= number <= int(header["capacity"]) and 0 <= time_at <= size - 4):
+    kind, source, size, time_at, overflow, capacity, number, _ = _PACKET.unpack(head)
+    if kind < 0 or overflow < 0:
         return None
-    if header["overflow"] < 0:
+    if not (8 <= size <= _LARGEST_EVENT and 0 <= number <= capacity and 0 <= time_at <= size - 4):
         return None
-    if header["type"] not in (_SPECIAL, _POLARITY):  # pictures, the IMU and others are passed over
-        file.seek(size * number, 1)
-        none = np.empty(0, np.int64)
-        return int(header["type"]), none, none
-    content = file.read(size * number)
-    rows = np.frombuffer(content[: len(content) // size * size], np.uint8).reshape(-1, size)
-    words, times = (
-        np.ascontiguousarray(rows[:, at : at + 4]).view("<u4").ravel().astype(np.int64) for at in (0, time_at)
-    )
-    return int(header["type"]), words, times + (int(header["overflow"]) << 31)
+    return _Header(kind, source, size, time_at, overflow, number)
