@@ -22,6 +22,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Final
+from urllib.parse import quote
 
 from core.text import encodable, parse_json
 
@@ -142,6 +143,12 @@ def claimed(paths: Iterable[Path]) -> Iterator[Path]:
         yield path
     finally:
         end_unfinished(claim)
+
+
+def file_stem(name: str) -> str:
+    """The name of a file or folder for anything that has a name, a camera or a person; `unquote` gives it back."""
+    # A full stop is encoded too: the result can be neither ".." nor end like a suffix.
+    return quote(name, safe="").replace(".", "%2E")
 
 
 def numbered(stem: str, longest: int | None = None) -> Iterator[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,9 @@ from core.tuning import SplitScore, TuningConfig
 from core.tuning.objective import Cancelled, TimeBlocks, TuningStoppedError, cut_blocks
 from labels.arrays import STATES, LabelArrays
 from labels.model import LabelState
+
+Against = Literal["truth", "labels"]
+"""What a search is told the ball's place by."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

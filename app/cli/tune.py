@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from app.background.child import give_way, send_to_parent
 from app.cli.arguments import DATA, Names, PositiveInt, flag, positional, setting_flag
@@ -37,9 +36,7 @@ from core.tuning import (
     tune,
 )
 from core.tuning.objective import Figures, measurably_differ
-from labels.tuning_objective import label_objective
-
-Against = Literal["truth", "labels"]
+from labels.tuning_objective import Against, label_objective
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

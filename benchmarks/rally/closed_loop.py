@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras import Camera
-from core.chain.chain import AlignedPixels, BallPoint, RallyChain
+from core.chain.chain import BallPoint, RallyChain
 from core.chain.config import ChainConfig, HitRule, chain_for_physics, expected_physics
 from core.chain.control.controller import BuiltInController, Controller, RacketDecision
 from core.chain.control.hit_choice import HitChoice, HitChoiceConfig, RacketReach
 from core.chain.control.player import Player, PlayerState
 from core.chain.follow import true_positions
+from core.chain.time_aligner import AlignedPixels
 from core.detection import Detection
 from core.detection.window import block_windows
 from core.errors import ConfigError

@@ -6,9 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
-from urllib.parse import quote, unquote
+from urllib.parse import unquote
 
 from core.errors import LabelError
+from core.files import file_stem
 from core.text import encodable
 
 FILE: Final = "labels.sqlite"
@@ -38,29 +39,24 @@ class Layer:
     def journal(self, folder: Path) -> Path:
         """Where version 1 kept it."""
         suffix = BLIND_JOURNAL if self.blind else JOURNAL
-        return folder / _plain(self.recording_uuid) / _plain(self.camera) / f"{_plain(self.annotator)}{suffix}"
+        return folder / file_stem(self.recording_uuid) / file_stem(self.camera) / f"{file_stem(self.annotator)}{suffix}"
 
 
 def store_path(folder: Path, recording_uuid: str) -> Path:
     """Where the store of a recording is or will be."""
-    return folder / _plain(recording_uuid) / FILE
+    return folder / file_stem(recording_uuid) / FILE
 
 
 def stores_in(folder: Path, recording_uuid: str | None = None) -> Iterator[Path]:
     """The stores that there are, of one recording or of all."""
-    above = "*" if recording_uuid is None else _plain(recording_uuid)
+    above = "*" if recording_uuid is None else file_stem(recording_uuid)
     return (path for path in sorted(folder.glob(f"{above}/{FILE}")) if path.is_file())
 
 
 def journals_in(folder: Path, recording_uuid: str | None = None) -> Iterator[Layer]:
     """The layers that are still in journals of version 1."""
-    above = "*" if recording_uuid is None else _plain(recording_uuid)
+    above = "*" if recording_uuid is None else file_stem(recording_uuid)
     for path in sorted(folder.glob(f"{above}/*/*{JOURNAL}")):
         blind = path.name.endswith(BLIND_JOURNAL)
         stem = path.name.removesuffix(BLIND_JOURNAL if blind else JOURNAL)
         yield Layer(unquote(path.parent.parent.name), unquote(path.parent.name), unquote(stem), blind)
-
-
-def _plain(name: str) -> str:
-    # A full stop is encoded too: no name can then be "..", nor end like the suffix of a blind layer.
-    return quote(name, safe="").replace(".", "%2E")

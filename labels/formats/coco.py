@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 
 from core.errors import LabelError
+from core.files import file_stem
 from labels.formats.boxes import Box, box_of, losses_of_box
 from labels.formats.documents import JsonObject, parse_json
 from labels.formats.exchange import (
@@ -25,7 +26,6 @@ from labels.formats.exchange import (
     ImportContext,
     Imported,
     LabelSet,
-    camera_stem,
     count_losses,
     finite,
     picture_name,
@@ -63,7 +63,7 @@ def write_coco(labels: LabelSet, folder: Path, options: ExportOptions) -> Export
         "categories": [{"id": 1, "name": CLASS_NAME, "supercategory": "", "keypoints": ["centre"], "skeleton": []}],
     }
     text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    return Exported((write_text(folder / f"{camera_stem(labels.camera)}.json", text),), count_losses(losses))
+    return Exported((write_text(folder / f"{file_stem(labels.camera)}.json", text),), count_losses(losses))
 
 
 def add_contacts(entries: object, file: Path, context: ImportContext, collector: Collector) -> None:

@@ -11,14 +11,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
-from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import LabelError, PluginError, RallyscopeError
 from core.events import Events, SensorSize
-from core.files import replace_file
+from core.files import file_stem, replace_file
 from core.foreign_tables import separator_of, with_point
 from core.registry import Registry
 from core.text import compression_of, decode_text, encoding_of
@@ -357,14 +356,9 @@ class Collector:
         return Imported(labels, tuple(rejections), self.files, tuple(self._notes), places, contacts)
 
 
-def camera_stem(camera: str) -> str:
-    """Name of a camera's file or folder, whatever the camera is called."""
-    return quote(camera, safe="").replace(".", "%2E")
-
-
 def picture_name(camera: str, t_us: int) -> str:
     """Name of the picture of a time, without its suffix: it holds the identity, so no list has to."""
-    return f"{camera_stem(camera)}_t{t_us:012d}us"
+    return f"{file_stem(camera)}_t{t_us:012d}us"
 
 
 def finite(text: object, what: str) -> float:

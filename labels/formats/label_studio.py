@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from core.errors import LabelError
+from core.files import file_stem
 from labels.formats.boxes import Box, box_of, circle_of_polygon, losses_of_box
 from labels.formats.documents import JsonObject, parse_json
 from labels.formats.exchange import (
@@ -26,7 +27,6 @@ from labels.formats.exchange import (
     ImportContext,
     Imported,
     LabelSet,
-    camera_stem,
     count_losses,
     finite,
     picture_name,
@@ -57,7 +57,7 @@ def write_label_studio(labels: LabelSet, folder: Path, options: ExportOptions) -
         data = {"image": f"{name}.png", OWN: own}
         tasks.append({"id": number, "data": data, "annotations": [annotation], "predictions": []})
     text = json.dumps(tasks, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    return Exported((write_text(folder / f"{camera_stem(labels.camera)}.json", text),), count_losses(losses))
+    return Exported((write_text(folder / f"{file_stem(labels.camera)}.json", text),), count_losses(losses))
 
 
 def _region(name: str, box: Box, labels: LabelSet) -> dict[str, object]:

@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from core.errors import LabelError
+from core.files import file_stem
 from labels.formats.documents import JsonObject, parse_json
 from labels.formats.exchange import (
     HALF_PIXEL,
@@ -23,7 +24,6 @@ from labels.formats.exchange import (
     ImportContext,
     Imported,
     LabelSet,
-    camera_stem,
     count_losses,
     files_at,
     finite,
@@ -57,7 +57,7 @@ def write_openttgames(labels: LabelSet, folder: Path, options: ExportOptions) ->
         x, y = _position(label, options, losses)
         balls.append(f'"{numbers[label.t_us]}": {{"x": {x}, "y": {y}}}')
     events = [f'"{numbers[contact.t_us]}": "{contact.kind}"' for contact in contacts]
-    own = folder / camera_stem(labels.camera)
+    own = folder / file_stem(labels.camera)
     files = (
         write_text(own / BALL, _object_text(balls)),
         write_text(own / EVENTS, _object_text(events)),

@@ -41,14 +41,42 @@ def write_pictures(
     Raises:
         LabelError: if a picture cannot be written.
     """
+
+    def under(label: Label) -> NDArray[np.uint8]:
+        start, end = label.provenance.window_us or (label.t_us - window_us // 2, label.t_us + (window_us + 1) // 2)
+        return draw_events(stream.slice(max(start, 0), max(end, 1)))
+
+    return write_pngs(stream.name, labels, under, folder, progress)
+
+
+def write_pngs(
+    camera: str,
+    labels: Iterable[Label],
+    under: Callable[[Label], NDArray[np.uint8]],
+    folder: Path,
+    progress: Callable[[float], None] | None = None,
+) -> tuple[Path, ...]:
+    """A PNG for each label, named by its time.
+
+    Args:
+        camera: in the names of the files.
+        labels: of that camera.
+        under: gives what is under a label, (height, width) or (height, width, 3 = RGB).
+        folder: is made if it is not there.
+        progress: is told the share that is done.
+
+    Raises:
+        LabelError: if a picture cannot be written.
+    """
     todo = tuple(labels)
     files = []
-    for number, label in enumerate(todo):
-        start, end = label.provenance.window_us or (label.t_us - window_us // 2, label.t_us + (window_us + 1) // 2)
-        fine, content = cv2.imencode(".png", draw_events(stream.slice(max(start, 0), max(end, 1))))
+    for number, label in enumerate(todo, start=1):
+        image = under(label)
+        # Recordings hold RGB, OpenCV takes BGR.
+        fine, content = cv2.imencode(".png", image if image.ndim == 2 else image[:, :, ::-1])
         if not fine:
-            raise LabelError("cannot draw the picture", got=f"{stream.sensor} at {label.t_us} us")
-        files.append(write_bytes(folder / f"{picture_name(stream.name, label.t_us)}.png", content.tobytes()))
+            raise LabelError("cannot draw the picture", got=f"{image.shape} at {label.t_us} us", where=camera)
+        files.append(write_bytes(folder / f"{picture_name(camera, label.t_us)}.png", content.tobytes()))
         if progress is not None:
-            progress((number + 1) / len(todo))
+            progress(number / len(todo))
     return tuple(files)

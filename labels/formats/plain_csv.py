@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Final
 
 from core.errors import LabelError
+from core.files import file_stem
 from core.foreign_tables import CAMERA_NAMES, NO_NUMBER, UNITS_US, several_values, split_unit
 from core.text import counted
 from labels.formats.deeplabcut import is_deeplabcut, read_deeplabcut
@@ -33,7 +34,6 @@ from labels.formats.exchange import (
     Imported,
     LabelSet,
     add_rows,
-    camera_stem,
     files_at,
     finite,
     read_text,
@@ -182,7 +182,7 @@ def _are_too_close(rows: list[tuple[int, list[str]]], columns: TrackColumns, uni
 
 def write_csv(labels: LabelSet, folder: Path, options: ExportOptions) -> Exported:
     """`<camera>.csv` in the folder, and `<camera>.contacts.csv` if there are contacts."""
-    stem = camera_stem(labels.camera)
+    stem = file_stem(labels.camera)
     files = [write_text(folder / f"{stem}.csv", _table(list(COLUMNS), map(flat_row, labels.labels)))]
     if labels.contacts:
         text = _table(list(CONTACT_COLUMNS), map(contact_row, labels.contacts))

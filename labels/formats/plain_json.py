@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from core.files import file_stem
 from labels.formats.coco import add_contacts
 from labels.formats.documents import JsonObject, parse_json
 from labels.formats.exchange import (
@@ -18,7 +19,6 @@ from labels.formats.exchange import (
     ImportContext,
     Imported,
     LabelSet,
-    camera_stem,
     files_at,
     read_text,
     write_text,
@@ -36,7 +36,7 @@ def write_json(labels: LabelSet, folder: Path, options: ExportOptions) -> Export
         "contacts": [contact_row(contact) for contact in labels.contacts],
     }
     text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    return Exported((write_text(folder / f"{camera_stem(labels.camera)}.json", text),), ())
+    return Exported((write_text(folder / f"{file_stem(labels.camera)}.json", text),), ())
 
 
 def read_json(path: Path, context: ImportContext) -> Imported:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import LabelError, RecordingError
-from core.files import replacing
+from core.files import file_stem, replacing
 from core.recordings.hdf5 import HDF5_ERRORS, dataset_at, has_item, read_whole
 from core.recordings.sources.sony_rallies import INSTANT_US, LABEL_SUFFIX, read_t0_us
 from labels.formats.exchange import (
@@ -26,7 +26,6 @@ from labels.formats.exchange import (
     ImportContext,
     Imported,
     LabelSet,
-    camera_stem,
 )
 from labels.formats.recording_group import read_labels, write_group
 from labels.model import LabelState
@@ -52,7 +51,7 @@ def write_sony(labels: LabelSet, folder: Path, options: ExportOptions) -> Export
         points[row] = label.x_px, label.y_px
         radius[row] = np.nan if label.r_px is None else label.r_px
         seconds[row] = label.t_us / 1e6
-    path = folder / camera_stem(labels.camera) / f"seq_000_rally{LABEL_SUFFIX}"
+    path = folder / file_stem(labels.camera) / f"seq_000_rally{LABEL_SUFFIX}"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path, durable=True) as partial, h5py.File(partial, "w") as file:
@@ -94,7 +93,7 @@ def _label_file(path: Path, context: ImportContext, collector: Collector) -> Pat
     if path.is_file():
         return path
     files = sorted({file for depth in ("*", "*/*", "*/*/*") for file in path.glob(depth + LABEL_SUFFIX)})
-    own = camera_stem(context.camera)
+    own = file_stem(context.camera)
     files = [file for file in files if file.parent.name == own] or files
     if len(files) > 1 and context.camera:
         files = [file for file in files if _is_of_recording(file, context)] or files

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from core.errors import LabelError
+from core.files import file_stem
 from core.foreign_tables import NO_NUMBER
 from labels.formats.exchange import (
     HALF_PIXEL,
@@ -26,7 +27,6 @@ from labels.formats.exchange import (
     Imported,
     LabelSet,
     add_rows,
-    camera_stem,
     count_losses,
     files_at,
     finite,
@@ -74,7 +74,7 @@ def write_tracknet(labels: LabelSet, folder: Path, options: ExportOptions) -> Ex
             losses.append("a ball at (0, 0), which TrackNet's evaluation takes for none")
         text = [f"{value:.0f}" if options.whole_pixels or not found else f"{value:.3f}" for value in (x, y)]
         rows.append(f"{number},{int(found)},{text[0]},{text[1]}")
-    main = write_text(folder / f"{camera_stem(labels.camera)}_ball.csv", "\n".join([",".join(HEADER), *rows, ""]))
+    main = write_text(folder / f"{file_stem(labels.camera)}_ball.csv", "\n".join([",".join(HEADER), *rows, ""]))
     frames = write_frame_times(folder, [label.t_us for label in labels.labels])
     return Exported((main, frames), count_losses(losses))
 

@@ -23,11 +23,11 @@ from app.modes.label.sources import LabelSource
 from core.errors import CommandError, LabelError
 from core.recordings import Recording
 from labels.formats import FORMATS, ExportOptions, LabelSet
-from labels.formats.exchange import Imported, picture_name, write_bytes
+from labels.formats.exchange import Imported
 from labels.formats.import_check import ImportChoices, import_context, import_labels
 from labels.formats.import_report import ImportReport, describe_label, report_of
 from labels.formats.picture_times import FrameTimes, read_frame_times
-from labels.formats.pictures import draw_events, write_pictures
+from labels.formats.pictures import draw_events, write_pictures, write_pngs
 from labels.model import ContactLabel, Label
 from labels.store_contents import copy_store
 
@@ -141,17 +141,13 @@ def write_frames(
     source: LabelSource, labels: tuple[Label, ...], folder: Path, progress: Callable[[float], None]
 ) -> tuple[Path, ...]:
     """The frame under each label as a PNG."""
-    files = []
-    for number, label in enumerate(labels):
+
+    def under(label: Label) -> NDArray[np.uint8]:
         frame = source.frame_at(label.t_us)
         assert frame is not None
-        image = source.frame(frame)
-        # Recordings hold RGB, OpenCV takes BGR.
-        fine, content = cv2.imencode(".png", image if image.ndim == 2 else image[:, :, ::-1])
-        assert fine
-        files.append(write_bytes(folder / f"{picture_name(source.name, label.t_us)}.png", content.tobytes()))
-        progress((number + 1) / len(labels))
-    return tuple(files)
+        return source.frame(frame)
+
+    return write_pngs(source.name, labels, under, folder, progress)
 
 
 FOLDER: Final = "labels-to-import"

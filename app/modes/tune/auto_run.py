@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 from app import theme
 from app.background.child import ChildProcess, share_in
@@ -25,6 +25,7 @@ from core.detection.window import WHOLE, EarlyEnds
 from core.errors import CommandError, RallyscopeError
 from core.text import counted, parse_json
 from core.tuning.objective import Figures, measurably_differ
+from labels.tuning_objective import Against
 
 TITLES: Final = ("windows", "config", "precision", "recall", "median error", "objective")
 CELL: Final = "padding-right:14px;white-space:nowrap"
@@ -153,7 +154,6 @@ def _head(titles: tuple[str, ...]) -> str:
 
 
 LOOK_S: Final = 0.1
-Against = Literal["truth", "labels"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,7 +13,7 @@ import viser
 from app.background.jobs import LoopJob, Progress
 from app.formatting import html_text
 from app.modes.mode import ModeHost
-from app.modes.tune.auto_run import Against, AutoTuneAnswer, AutoTuneRequest, report_html, run_auto_tune, running_html
+from app.modes.tune.auto_run import AutoTuneAnswer, AutoTuneRequest, report_html, run_auto_tune, running_html
 from app.modes.tune.results_panel import Timing
 from app.modes.tune.settings import stage_counts_html
 from app.panels.field_control import field_label, section_title
@@ -28,6 +28,7 @@ from core.errors import CommandError
 from core.files import usable_cores
 from core.tuning import TuningConfig, choose_parameters
 from core.tuning.parameters import tunable_parameters
+from labels.tuning_objective import Against
 
 MAX_TRIALS: Final = 5000
 LARGEST_SEED: Final = 2**31 - 1

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from core.chain.chain import TimeAligner
+from core.chain.time_aligner import TimeAligner
 from core.detection import Detection
 
 pytestmark = pytest.mark.numeric

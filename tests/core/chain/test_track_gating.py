@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from core.chain.chain import TrackGate
 from core.chain.config import TrackGateConfig
+from core.chain.track_gate import TrackGate
 
 pytestmark = pytest.mark.numeric
 
