@@ -63,6 +63,13 @@ LARGEST_FILE_BYTES: Final = 1 << 20
 """A calibration is a few kilobytes; this keeps a video given by mistake out of the parser."""
 _TOML_LINE: Final = re.compile(r"\[\[?[A-Za-z_][\w.\"' -]*\]\]?\s*(#.*)?$|[A-Za-z_][\w.\"'-]*\s*=")
 """A line that TOML begins with: `[table]` or `key =`; none of YAML."""
+_OTHERS: Final = (
+    (re.compile(r"# Camera list with one line of data per camera"), "COLMAP's list of cameras"),
+    (re.compile(r'\{\s*"value0"\s*:\s*\{\s*"T_imu_cam"'), "a calibration of Basalt"),
+    (re.compile(r"(%.*\n\s*)*fc\s*=\s*\["), "results of the Camera Calibration Toolbox for MATLAB"),
+)
+"""How files begin that are recognised and not read."""
+_BY_HAND: Final = "write image_width, image_height, camera_matrix and distortion_coefficients as JSON or YAML"
 YAML_ERRORS: Final = (yaml.YAMLError, ValueError, LookupError, AttributeError, TypeError, RecursionError)
 """What PyYAML raises over text that is no YAML."""
 
@@ -120,6 +127,9 @@ def _parse(text: str, path: Path, notes: list[str]) -> CalibrationNode:
     if start.startswith("Calibration results\n"):
         remedy = "give the camchain YAML that Kalibr wrote beside it"
         raise CalibrationError("Kalibr's report, which is for people", where=path, remedy=remedy)
+    for beginning, what in _OTHERS:
+        if beginning.match(start):
+            raise CalibrationError(f"{what}, which is not read", where=path, remedy=_BY_HAND)
     if (FORMAT in text[:4096] and not start.startswith(("%YAML", "{"))) or _TOML_LINE.match(_first_line(text)):
         return _parse_toml(text, path)
     return _parse_yaml(text, path, notes)
@@ -190,8 +200,7 @@ def _read_text(path: Path) -> str:
     except OSError as error:
         raise CalibrationError("cannot read the calibration", got=error.strerror, where=path) from error
     if content.startswith(b"\x93NUMPY") or (content.startswith(b"PK") and b".npy" in content[:1024]):
-        remedy = "write image_width, image_height, camera_matrix and distortion_coefficients as JSON or YAML"
-        raise CalibrationError("arrays of NumPy, whose names no tool agrees on", where=path, remedy=remedy)
+        raise CalibrationError("arrays of NumPy, whose names no tool agrees on", where=path, remedy=_BY_HAND)
     if (packed := compression_of(content)) is not None:
         raise CalibrationError(f"the file is compressed ({packed})", where=path, remedy="unpack it first")
     try:

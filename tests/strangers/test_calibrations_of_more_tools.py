@@ -252,6 +252,19 @@ REFUSED = {
     f"{GITHUB}/rameau-fr/MC-Calib/issues/56": (MC_CALIB, "no camera matrix that is known.*nb_camera, camera_0"),
     # The report of Kalibr: was refused, "neither TOML nor YAML".
     "own variation: results-cam.txt": (REPORT, "Kalibr's report.*camchain"),
+    # Tools that are recognised and not read: were refused as "not a TOML file", "not a table", "no list of numbers".
+    "own variation: Calib_Results.m": (
+        "% Intrinsic and Extrinsic Camera Parameters\n%\n\n%-- Focal length:\nfc = [ 657.3 ; 657.7 ];\n",
+        "Camera Calibration Toolbox for MATLAB, which is not read; write image_width",
+    ),
+    "own variation: cameras.txt of COLMAP": (
+        "# Camera list with one line of data per camera:\n1 OPENCV 640 480 520 520 320 240 0 0 0 0\n",
+        "COLMAP's list of cameras, which is not read; write image_width",
+    ),
+    "own variation: Basalt": (
+        json.dumps({"value0": {"T_imu_cam": [], "intrinsics": [], "resolution": []}}),
+        "a calibration of Basalt, which is not read; write image_width",
+    ),
     # Two cameras in one INI: was refused, "not a TOML file".
     "own variation: two cameras": (
         INI.format(width=640, height=480, cx=320, distortion=FIVE) * 2,
