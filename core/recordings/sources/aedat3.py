@@ -55,7 +55,7 @@ def open_aedat3(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     named = {int(number): name.decode().upper() for number, name in _SOURCE.findall(head[:end])}
     numbers = _sources_with_events(path, end) or [next(iter(named), 1)]
     if len(numbers) == 1 and len(named) == 1:  # files edited by hand number it otherwise
-        named = dict.fromkeys(numbers, *named.values())
+        named = {numbers[0]: next(iter(named.values()))}
     sources: list[EventSource] = []
     for number in numbers:
         name = "camera" if len(numbers) == 1 else f"camera{number}"
