@@ -6,13 +6,14 @@ and two accepted proposals the same answer. Only positions set by hand in both l
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from core.metrics.score import statistic_of
 from labels.arrays import SOURCES, STATES, LabelArrays
 from labels.model import PositionSource
 
@@ -96,13 +97,13 @@ def measure_agreement(first: LabelArrays, second: LabelArrays, *, seed: int = 0)
         same_state=int(np.trace(confusion)),
         kappa=_kappa(confusion),
         both_seen=int(both.sum()),
-        mean_px=_of(np.mean, distance),
-        median_px=_of(np.median, distance),
+        mean_px=statistic_of(distance, np.mean),
+        median_px=statistic_of(distance, np.median),
         median_low_px=low,
         median_high_px=high,
-        p95_px=_of(lambda values: np.percentile(values, 95), distance),
-        bias_x_px=_of(np.mean, dx),
-        bias_y_px=_of(np.mean, dy),
+        p95_px=statistic_of(distance, lambda values: np.percentile(values, 95)),
+        bias_x_px=statistic_of(dx, np.mean),
+        bias_y_px=statistic_of(dy, np.mean),
         # The difference of two annotators has the variance of both: this is one's.
         sigma_px=_robust_sigma(np.concatenate([dx, dy])) / np.sqrt(2),
         confusion=tuple(tuple(row) for row in confusion.tolist()),
@@ -122,8 +123,8 @@ def _by_source(a: LabelArrays, b: LabelArrays) -> dict[str, PositionAgreement]:
         found[name] = PositionAgreement(
             pairs=len(distance),
             same_position=int((distance < SAME_PX).sum()),
-            median_px=_of(np.median, distance),
-            p95_px=_of(lambda values: np.percentile(values, 95), distance),
+            median_px=statistic_of(distance, np.median),
+            p95_px=statistic_of(distance, lambda values: np.percentile(values, 95)),
             sigma_px=_robust_sigma(np.concatenate([x, y])) / np.sqrt(2),
         )
     return found
@@ -151,7 +152,3 @@ def _median_interval(distance: Array, rng: np.random.Generator) -> tuple[float, 
     medians = [float(np.median(rng.choice(distance, len(distance)))) for _ in range(RESAMPLES)]
     low, high = np.percentile(medians, (2.5, 97.5))
     return float(low), float(high)
-
-
-def _of(statistic: Callable[[Array], np.floating], values: Array) -> float:
-    return float(statistic(values)) if len(values) else float("nan")

@@ -16,6 +16,7 @@ from core.detection import Detector
 from core.metrics import WindowAnswers, score_answers
 from core.metrics.at_times import answers_at
 from core.metrics.run import TimedDetector
+from core.metrics.score import statistic_of
 from core.metrics.streaming import after_delay
 from core.recordings import CameraStream, PixelTruth
 from labels.arrays import SOURCES, STATES, LabelArrays, label_arrays
@@ -188,11 +189,11 @@ def _score_group(name: str, answers: WindowAnswers, labels: LabelArrays, motion:
         labels=len(labels),
         with_ball=int(seen.sum()),
         at=tuple(at),
-        median_px=_of(np.median, distance[found]),
-        mean_px=_of(np.mean, distance[found]),
-        p95_px=_of(lambda values: np.percentile(values, 95), distance[found]),
-        along_px=_of(np.mean, along),
-        across_px=_of(np.mean, across),
+        median_px=statistic_of(distance[found], np.median),
+        mean_px=statistic_of(distance[found], np.mean),
+        p95_px=statistic_of(distance[found], lambda values: np.percentile(values, 95)),
+        along_px=statistic_of(along, np.mean),
+        across_px=statistic_of(across, np.mean),
     )
 
 
@@ -211,7 +212,3 @@ def motion_of(labels: LabelArrays) -> Array:
     with np.errstate(invalid="ignore", divide="ignore"):
         motion[rows] = np.where(length[:, None] > 1.0, step / length[:, None], np.nan)
     return motion
-
-
-def _of(statistic: Callable[[Array], np.floating], values: Array) -> float:
-    return float(statistic(values)) if len(values) else float("nan")

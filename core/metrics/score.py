@@ -114,9 +114,9 @@ def score_answers(answers: WindowAnswers, truth: PixelTruth, *, match_radius_px:
         recall=recall,
         f1=_ratio(2 * hits, 2 * hits + false + balls - hits),
         precision_all_circles=_ratio(hits, hits + false + extra),
-        mean_error_px=_statistic(np.mean, error_px[found]),
-        median_error_px=_statistic(np.median, error_px[found]),
-        p95_error_px=_statistic(lambda errors: np.percentile(errors, 95), error_px[found]),
+        mean_error_px=statistic_of(error_px[found], np.mean),
+        median_error_px=statistic_of(error_px[found], np.median),
+        p95_error_px=statistic_of(error_px[found], lambda errors: np.percentile(errors, 95)),
     )
 
 
@@ -159,5 +159,6 @@ def _ratio(part: int, whole: int) -> float:
     return part / whole if whole else float("nan")
 
 
-def _statistic(of: Callable[[NDArray[np.float64]], np.floating], errors: NDArray[np.float64]) -> float:
-    return float(of(errors)) if len(errors) else float("nan")
+def statistic_of(values: NDArray[np.float64], statistic: Callable[[NDArray[np.float64]], np.floating]) -> float:
+    """A statistic of values (N,); nan without any, where NumPy would warn."""
+    return float(statistic(values)) if len(values) else float("nan")
