@@ -114,7 +114,7 @@ def _decode(path: Path, start: int, source: int, report: DecodeReport) -> Iterat
 
 @dataclass(frozen=True, slots=True)
 class _Header:
-    """Of a packet."""
+    """The header of a packet."""
 
     kind: int
     source: int
@@ -132,7 +132,7 @@ class _Header:
 
 
 def _read_header(file: BinaryIO) -> _Header | None:
-    """Of the next packet; None where none follows."""
+    """The header of the next packet; None where none follows."""
     head = file.read(_PACKET.size)
     if len(head) < _PACKET.size:
         return None
