@@ -316,15 +316,15 @@ def _longest_ascending(t: Array) -> NDArray[np.int64]:
     """Indices of the longest subsequence that never descends."""
     ends: list[float] = []
     last: list[int] = []
-    before = np.full(len(t), -1)
+    before: list[int] = []
     for k, value in enumerate(t.tolist()):
         at = bisect.bisect_right(ends, value)
-        before[k] = last[at - 1] if at else -1
+        before.append(last[at - 1] if at else -1)
         ends[at : at + 1] = [value]
         last[at : at + 1] = [k]
     found = [last[-1]]
     while before[found[-1]] >= 0:
-        found.append(int(before[found[-1]]))
+        found.append(before[found[-1]])
     return np.array(found[::-1])
 
 

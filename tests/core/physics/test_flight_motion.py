@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.physics.flight_motion import Units, bounce_heights, find_units, reachable
+from core.physics.flight_motion import Units, bounce_heights, fall_of_flights, find_units, reachable
 
 pytestmark = pytest.mark.numeric
 
@@ -22,6 +22,19 @@ def test_a_point_may_be_off_by_half_a_metre_and_no_more() -> None:
     times_s = 1e-5 * np.arange(7)  # in which nothing flies anywhere
     for off_m, is_reached in ((0.49, True), (0.6, False)):
         assert reachable(times_s, points_at(0, 0, 0, off_m, 0, 0, 0)).tolist() == [True] * 3 + [is_reached] + [True] * 3
+
+
+@pytest.mark.parametrize(("off_m", "is_reached"), [(6.4, True), (6.6, False)])
+def test_no_ball_flies_faster_than_60_mps(off_m, is_reached) -> None:
+    """In 0.1 s from both sides: 6 m, and half a metre of error."""
+    assert reachable(np.array([0.0, 0.1, 0.2]), points_at(0, off_m, 0)).tolist() == [True, is_reached, True]
+
+
+def test_a_fall_is_measured_of_flights_that_last_long_enough() -> None:
+    for length_s, fall_mps2 in ((0.15, None), (0.25, 9.81)):
+        t_s = np.linspace(0, length_s, 25)
+        found = fall_of_flights(t_s, np.column_stack([t_s, 0 * t_s, 1 - 4.905 * t_s**2]))
+        assert found == (None if fall_mps2 is None else pytest.approx(fall_mps2))
 
 
 def test_a_slow_ball_at_the_top_of_its_flight_tells_its_units() -> None:

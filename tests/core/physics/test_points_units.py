@@ -34,6 +34,7 @@ def table(header: str, t: Array = T, ps: Array = PS, mark: str = ",") -> str:
 
 PLAIN = table("t_s,x_m,y_m,z_m")
 LINES = PLAIN.splitlines()
+MORE_COLUMNS = "\n".join([f"{LINES[0]},confidence", *(f"{line},0.5" for line in LINES[1:])])
 
 
 def read(tmp_path: Path, text: str) -> PointsFile:
@@ -187,6 +188,7 @@ def test_one_stray_time_at_the_end_of_a_short_flight_is_left_out(tmp_path: Path)
     ("text", "said"),
     [
         (table("t_s,x_m,y_m,z_m").replace(".", ","), "90 of 90 rows are so: decimal commas between commas"),
+        (MORE_COLUMNS.replace(".", ","), "90 of 90 rows are so: decimal commas between commas"),
         (with_rows(*["0.25,ERR,0,0"] * 12), "12 of 102 rows are so"),
         (table("t_s,x_m,y_m,z_m", np.floor(T * 60) / 60), "times have too few digits"),
         (table("t_s,x_m,y_m,z_m", T, np.where(np.arange(90)[:, None] % 7 == 0, 1e4, PS)), "for millimetres name"),
