@@ -6,9 +6,21 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from core.table import BALL_RADIUS_M, GRAVITY_MPS2
-from core.trajectory.ball_kernel import AHEAD, FRICTION, HIGHER, LIFT, RESTITUTION, STATE, bounce, glide, pull
-from core.trajectory.filter_kernel import ProcessNoise, bounce_estimate, move, observe
+from core.table import BALL_RADIUS_M, GRAVITY_MPS2, TABLE_WIDTH_M
+from core.trajectory.ball_kernel import (
+    AHEAD,
+    FRICTION,
+    HIGHER,
+    LIFT,
+    RESTITUTION,
+    STATE,
+    TOUCHES,
+    bounce,
+    glide,
+    pull,
+    touches,
+)
+from core.trajectory.filter_kernel import ProcessNoise, bounce_estimate, foresee, move, observe
 
 pytestmark = pytest.mark.numeric
 CALM = ProcessNoise(lift=LIFT * 0.10, air=0.0, bounce_mps=0.0, ahead_m=0.0, ahead_s=1e9)
@@ -225,6 +237,25 @@ def test_what_an_observation_says_of_the_noise_is_unbiased_whatever_the_estimate
     observe(x.copy(), cov.copy(), x[:3] + np.array([0.001, 0.0, 0.0]), R, SCALES, 1e9, one)
     variance = np.diag(picture(x) @ cov @ picture(x).T) + np.diag(R) * SCALES
     np.testing.assert_allclose(one[1], (SCALES * np.diag(R) / variance) ** 2, rtol=1e-9)
+
+
+@pytest.mark.parametrize("to_the_edge_m", [0.6, 0.003, -0.003])
+def test_what_is_touched_spreads_as_it_differs_between_the_neighbours_on_both_sides(to_the_edge_m: float) -> None:
+    """A ball that bounces well on the table, and two whose neighbours partly miss it: there one side has to do."""
+    x, hit_x_m = START.copy(), -1.4
+    bounces = np.empty((1, TOUCHES))
+    touches(x[None], 0.0, hit_x_m, CALM.lift, bounces)
+    x[1] += TABLE_WIDTH_M / 2 - to_the_edge_m - bounces[0, 2]
+    rows, touched, found_spread = np.empty((27, STATE)), np.empty((27, TOUCHES)), np.empty((TOUCHES, TOUCHES))
+    found = foresee(x, 9 * spread(3), 0.5, hit_x_m, CALM.lift, rows, found_spread)
+    touches(rows, 0.5, hit_x_m, CALM.lift, touched)
+    np.testing.assert_array_equal(found, touched[0])
+    up, down = touched[1::2], touched[2::2]
+    one_side = np.where(np.isnan(up), found - down, up - found)
+    moves = np.nan_to_num(np.where(np.isnan(up) | np.isnan(down), one_side, (up - down) / 2))
+    np.testing.assert_allclose(found_spread, moves.T @ moves, rtol=1e-9, atol=1e-15)
+    assert np.isnan(found[2]) == (to_the_edge_m < 0)
+    assert all(np.isnan(side[:, 2]).any() == (to_the_edge_m < 0.1) for side in (up, down))
 
 
 def test_free_fall_is_exact() -> None:

@@ -169,6 +169,12 @@ def test_points_out_of_order_or_not_finite_are_refused() -> None:
     assert predictor.add(0, LAUNCH) is None and predictor.latest is None
 
 
+def test_a_real_table_is_less_certain_than_the_published_one() -> None:
+    paper, real = predictor_for("paper"), predictor_for("real", hit_x_m=-1.5)
+    assert paper == PaperPredictorConfig() and real.hit_x_m == -1.5
+    assert real.restitution_sigma > paper.restitution_sigma and real.tangential_sigma > paper.tangential_sigma
+
+
 def test_many_flights_at_once_give_what_one_by_one_gives() -> None:
     task = TaskConfig()
     serves = draw_serves(4.0, 30, task, np.random.default_rng(9))
