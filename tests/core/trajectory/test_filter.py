@@ -209,6 +209,19 @@ def test_air_and_spin_are_noticed_where_they_may_be() -> None:
         np.testing.assert_allclose(prediction.landing.p_world_m, found[0, 9:12], atol=0.006)
 
 
+def test_every_kind_of_flight_that_is_possible_has_its_share_of_the_prediction() -> None:
+    config = replace(filter_for("paper", sigma_point_m=0.001), perhaps_real=True)
+    truth = path(np.concatenate([START, REAL]), np.arange(0, 0.24, 0.002))[:, :3]
+    predictor, shares = FilterPredictor(config), []
+    for number, p in enumerate(truth):
+        predictor.add(2000 * number, p)
+        shares.append([weight for _, weight in predictor.shares()])
+    assert len(shares[0]) > 1 and sum(shares[0]) == pytest.approx(1.0)
+    assert all(0.02 < weight <= max(of) == of[0] for of in shares for weight in of)
+    with_air = sum(weight for one, weight in predictor.shares() if one.process_noise.lift > 0)
+    assert with_air == pytest.approx(predictor.air, abs=0.05) and predictor.air > 0.9
+
+
 def test_an_observation_may_bring_its_own_covariance_and_a_lead_that_lasts_is_not_believed() -> None:
     t_s, truth = fly_up(np.concatenate([START, REAL]), 0.3, 2.0)
     along = truth[:, 3:6] / np.linalg.norm(truth[:, 3:6], axis=1, keepdims=True)
