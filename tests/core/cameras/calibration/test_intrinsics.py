@@ -56,10 +56,16 @@ def test_a_picture_that_does_not_fit_is_left_out_and_named() -> None:
     np.testing.assert_allclose(lens.camera.K, CAMERA.K, atol=1.0)
 
 
-def test_coefficients_that_are_not_fitted_stay_zero() -> None:
-    lens = calibrate_lens(views(10, 0.05), BOARD, CAMERA.sensor, coefficients=2)
-    assert lens.camera.distortion[:2].all() and not lens.camera.distortion[2:].any()
-    assert lens.sigmas["k3"] == 0 and lens.sigmas["k1"] > 0
+@pytest.mark.parametrize("count", [0, 2, 4, 5])
+def test_coefficients_that_are_not_fitted_stay_zero(count: int) -> None:
+    lens = calibrate_lens(views(10, 0.05), BOARD, CAMERA.sensor, coefficients=count)
+    assert lens.camera.distortion[:count].all() and not lens.camera.distortion[count:].any()
+    assert [lens.sigmas[name] > 0 for name in ("k1", "k2", "p1", "p2", "k3")] == [k < count for k in range(5)]
+
+
+def test_a_lens_of_another_number_of_coefficients_is_refused() -> None:
+    with pytest.raises(CalibrationError, match=r"one of \(0, 2, 4, 5\) coefficients, got 6"):
+        calibrate_lens(views(10, 0.05), BOARD, CAMERA.sensor, coefficients=6)
 
 
 def test_too_few_pictures_are_refused_with_their_number() -> None:
