@@ -1,4 +1,4 @@
-"""Where a look at the ball looks, against every pixel of its box."""
+"""Where the ball's rim is, and where a look at the ball looks, against every pixel of its box."""
 
 import dataclasses
 
@@ -6,13 +6,22 @@ import numpy as np
 import pytest
 
 from core.cameras import Camera, stereo_preset
+from core.cameras.outline import ball_outline
 from core.jit import njit
 from core.simulation.flights import BallStates, VisibleRange
 from core.simulation.scenes.background import make_background
-from core.simulation.scenes.ball_view import ball_and_shadow_boxes, ball_rim_between, ball_shading_rows, rim_columns
+from core.simulation.scenes.ball_view import (
+    ball_and_shadow_boxes,
+    ball_rim,
+    ball_rim_between,
+    ball_shading_rows,
+    rim_columns,
+)
 from core.simulation.scenes.block_view import BALL
+from core.simulation.scenes.lens import lens_of
 from core.simulation.scenes.scene import SceneConfig
 from core.simulation.scenes.shading import deep_inside, pixel_seen
+from core.table import BALL_RADIUS_M
 
 pytestmark = pytest.mark.numeric
 SCENE = SceneConfig()
@@ -30,6 +39,18 @@ def touched(maps, ball, covered, deep):
         along = x * ball[0] + y * ball[1] + ball[2]
         covered[pixel] = along > 0.0 and along * along > ball[15] * (x * x + y * y + 1.0)
         deep[pixel] = deep_inside(seen, ball)
+
+
+@pytest.mark.parametrize("camera", [PLAIN, STRONG_LENS], ids=["plain", "strong lens"])
+def test_the_rim_is_the_outline_of_the_cameras_also_far_beside_the_picture(camera: Camera) -> None:
+    beside = np.array([(0.0, 0.0, 1.0), (0.3, -0.2, 0.8), (3.0, 0.4, 1.0), (-2.0, 1.0, 0.5), (0.1, 2.0, 0.4)])
+    seen = np.concatenate([beside, [(0.0, 0.0, 0.5 * BALL_RADIUS_M), (0.2, 0.0, -1.0)]])  # round the camera, behind it
+    ps = camera.position_world_m + seen @ camera.T_world_camera[:3, :3].T
+    outlines, points = ball_outline(camera, ps, points=12), np.empty((12, 2))
+    for p, outline in zip(ps, outlines, strict=True):
+        ball_rim(lens_of(camera), *p, points)
+        np.testing.assert_allclose(points, outline, rtol=1e-9, atol=1e-6)
+    assert np.isfinite(outlines[: len(beside)]).all() and np.isnan(outlines[len(beside) :]).all()
 
 
 @pytest.mark.parametrize("camera", [PLAIN, STRONG_LENS], ids=["plain", "strong lens"])
