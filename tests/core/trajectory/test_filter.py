@@ -213,6 +213,7 @@ def test_every_kind_of_flight_that_is_possible_has_its_share_of_the_prediction()
     config = replace(filter_for("paper", sigma_point_m=0.001), perhaps_real=True)
     truth = path(np.concatenate([START, REAL]), np.arange(0, 0.24, 0.002))[:, :3]
     predictor, shares = FilterPredictor(config), []
+    assert predictor.air == predictor.learned.air > 0
     for number, p in enumerate(truth):
         predictor.add(2000 * number, p)
         shares.append([weight for _, weight in predictor.shares()])
