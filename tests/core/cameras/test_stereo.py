@@ -143,16 +143,17 @@ def test_lenses_that_are_mounted_askew_are_those_of_opencv() -> None:
     assert found.residuals_px.max() < 1e-5
 
 
-def test_the_covariance_is_what_each_pixel_moves_the_point_by() -> None:
+@pytest.mark.parametrize("count", [2, 3])
+def test_the_covariance_is_what_each_pixel_moves_the_point_by(count: int) -> None:
     # Where the rays meet in one point, that is exact: sigma^2 times the sum of the squared derivatives by the pixels.
-    cameras = crooked_cameras()
+    cameras = dict(list(crooked_cameras().items())[:count])
     rig = StereoRig(cameras, TriangulationConfig(sigma_px=0.7))
     ps = points(8, seed=4)
     uvs = opencv_pixels(cameras, ps)
     expected = np.zeros((8, 3, 3))
-    for camera in range(3):
+    for camera in range(count):
         for axis in range(2):
-            step = np.zeros((3, 2))
+            step = np.zeros((count, 2))
             step[camera, axis] = 1e-3
             slope = (rig.triangulate(uvs + step).ps_world_m - rig.triangulate(uvs - step).ps_world_m) / 2e-3
             expected += 0.7**2 * slope[:, :, None] * slope[:, None, :]

@@ -45,7 +45,13 @@ def test_no_board_no_points() -> None:
 
 @pytest.mark.parametrize(
     ("values", "says"),
-    [(("circles", 5, 7, 0.03), "chessboard or dots"), (("dots", 2, 7, 0.03), "2 x 7"), (("dots", 5, 7, 0.0), "0 mm")],
+    [
+        (("circles", 5, 7, 0.03), "chessboard or dots"),
+        (("dots", 2, 7, 0.03), "2 x 7"),
+        (("dots", 5, 7, 0.0), "0 mm"),
+        (("dots", 5, 7, 0.9e-4), "expected 0.1 to 2000 mm, got 0.09 mm"),
+        (("dots", 5, 7, 2.1), "expected 0.1 to 2000 mm, got 2100 mm"),
+    ],
 )
 def test_an_impossible_board_is_refused(values, says: str) -> None:
     with pytest.raises(ConfigError, match=says):

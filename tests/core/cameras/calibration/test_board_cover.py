@@ -73,6 +73,10 @@ def test_the_column_has_a_frame_for_each_empty_part_and_a_dot_for_each_picture()
     views = everywhere()[:3]
     cover = board_cover(views, BOARD, CAMERA)
     root = ElementTree.fromstring(f"<svg>{cover_column(cover, CAMERA.sensor)}</svg>")
+    picture = root.find("rect")
+    assert picture is not None
+    sides = [float(picture.attrib[name]) for name in ("width", "height")]
+    assert sides[1] / sides[0] == pytest.approx(CAMERA.sensor.height_px / CAMERA.sensor.width_px, abs=1e-3)
     assert len(root.findall("rect[@class='empty']")) == int((cover.cells == 0).sum()) > 0
     assert len(root.findall("circle[@class='tilt']")) == 3
     assert len([text for text in root.findall("text") if (text.text or "").isdigit()]) == 48

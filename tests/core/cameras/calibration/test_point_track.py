@@ -39,11 +39,12 @@ def test_all_of_a_clean_run_stays_but_two_sightings_at_each_end() -> None:
     np.testing.assert_allclose(cleaned.uvs_px, track.uvs_px[2:-2], atol=0.05)
 
 
-def test_stray_sightings_go_and_good_ones_stay() -> None:
+@pytest.mark.parametrize("noise_px", [0.03, 0.3, 3.0])
+def test_stray_sightings_go_and_good_ones_stay(noise_px: float) -> None:
     track = line(200)
     rng = np.random.default_rng(0)
-    uvs = track.uvs_px + rng.normal(0, 0.3, track.uvs_px.shape)
-    uvs[[40, 100]] += (30.0, -20.0)
+    uvs = track.uvs_px + rng.normal(0, noise_px, track.uvs_px.shape)
+    uvs[[40, 100]] += 100 * noise_px * np.array([1.0, -0.7])
     cleaned = clean_track(PointTrack.of(track.t_us, uvs))
     assert not {40 * 2000, 100 * 2000} & set(cleaned.t_us.tolist())
     assert 180 < len(cleaned.t_us) < 194, "with each its neighbours and the two at each end"
