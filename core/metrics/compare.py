@@ -22,7 +22,7 @@ from core.metrics.at_times import answers_at
 from core.metrics.delay import find_delay_us, without_delay
 from core.metrics.grid_score import GRID_US, askable, distance_us
 from core.metrics.run import LEAD_IN_US, TimedDetector, WindowAnswers, duration_of, one_opencv_thread, run_detector
-from core.metrics.score import MATCH_RADIUS_PX
+from core.metrics.score import MATCH_RADIUS_PX, statistic_of
 from core.metrics.streaming import StreamingScore, arrival_times, asked_times, score_in_time
 from core.recordings import CameraStream, PixelTruth
 
@@ -163,11 +163,11 @@ class ClassifiedRun:
 
     def error_at(self, percent: float) -> float:
         """Percentile of the errors of the right answers in pixels; nan without any."""
-        return float(np.percentile(self.error_px[self.right], percent)) if self.right.any() else float("nan")
+        return statistic_of(self.error_px[self.right], lambda errors: np.percentile(errors, percent))
 
     def step_at(self, percent: float) -> float:
         """Percentile of a step's processor time in seconds; nan without any."""
-        return float(np.percentile(self.run.step_s, percent)) if len(self.run.step_s) else float("nan")
+        return statistic_of(self.run.step_s, lambda steps: np.percentile(steps, percent))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from core.metrics.score import statistic_of
 from core.physics.config import PhysicsConfig
 from core.physics.contact import come_down
 from core.physics.fit_flights import FittedPhysics, RecordedFlight, fit_start, simulate_flight, with_constants
@@ -161,4 +162,4 @@ def _score(predict: Callable[[RecordedFlight], PredictedFlight | None], flights:
 
 
 def _percentile(values: Sequence[float], percent: float) -> float:
-    return float(np.percentile(values, percent)) if values else float("nan")
+    return statistic_of(np.asarray(values, np.float64), lambda found: np.percentile(found, percent))
