@@ -58,10 +58,12 @@ def open_aedat3(path: Path, sensor: SensorSize | None) -> list[EventSource]:
         named = {numbers[0]: next(iter(named.values()))}
     sources: list[EventSource] = []
     for number in numbers:
-        name = "camera" if len(numbers) == 1 else f"camera{number}"
+        alone = len(numbers) == 1
+        name = "camera" if alone else f"camera{number}"
         size = sensor or _CAMERAS.get(named.get(number, ""))
         origin = FactOrigin.FILE if sensor is not None else FactOrigin.CAMERA
-        decode = partial(_decode, path, end, number)
+        # External edges of whatever source belong to the one camera that there is.
+        decode = partial(_decode, path, end, None if alone else number)
         sources.append(make_source(path, name, "AEDAT 3", size, decode, check_stream, sensor_from=origin))
     return sources
 
@@ -78,7 +80,7 @@ def _sources_with_events(path: Path, start: int) -> list[int]:
     return sorted(found)
 
 
-def _decode(path: Path, start: int, source: int, report: DecodeReport) -> Iterator[Columns]:
+def _decode(path: Path, start: int, source: int | None, report: DecodeReport) -> Iterator[Columns]:
     size = path.stat().st_size
     with path.open("rb") as file:
         file.seek(start)
@@ -90,7 +92,8 @@ def _decode(path: Path, start: int, source: int, report: DecodeReport) -> Iterat
                 note = f"{path.name}: stopped at byte {at:,}: no whole packet follows."
                 report.leave_out(CUT_SHORT, max(0, size - at), note)
                 return
-            if header.source != source or header.kind not in (_SPECIAL, _POLARITY):  # pictures, the IMU and others
+            passed_over = header.kind not in (_SPECIAL, _POLARITY)  # pictures, the IMU and others
+            if passed_over or source not in (None, header.source):
                 file.seek(header.length, 1)
                 continue
             content = file.read(header.length)

@@ -1,5 +1,6 @@
-"""AEDAT 3: several cameras in one file, and a file that ends within a packet."""
+"""AEDAT 3: several cameras in one file, external edges, and a file that ends within a packet."""
 
+import struct
 from itertools import zip_longest
 
 import numpy as np
@@ -32,6 +33,17 @@ def test_every_camera_of_the_file_is_one_of_its_own(tmp_path, cameras):
         found, report = read(source)
         np.testing.assert_array_equal(np.array(found), np.array(rows))
         assert not report.left_out
+
+
+@pytest.mark.parametrize("source", [1, 2])
+def test_external_edges_of_whatever_source_belong_to_the_only_camera(tmp_path, source):
+    path = tmp_path / "edges.aedat"
+    edges = struct.pack("<hhiiiiii", 0, source, 8, 4, 0, 2, 2, 2) + struct.pack("<4I", 2 << 1 | 1, 10, 3 << 1 | 1, 25)
+    path.write_bytes(aedat3_head(b"DAVIS346") + edges + b"".join(aedat3_packets(LEFT)))
+    found, report = read(open_sources(path)[0])
+    assert len(found.t) == len(LEFT.t)
+    (triggers,) = report.triggers
+    assert triggers.t_us.tolist() == [10, 25] and triggers.rising.tolist() == [True, False]
 
 
 @pytest.mark.parametrize("lost", [1, 7, 8, 20])
