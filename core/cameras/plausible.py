@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import replace
@@ -202,7 +203,10 @@ def _blind_share(camera: Camera) -> float:
 
 
 def _fisheye_edge(camera: Camera) -> float:
-    """Radius in the picture, over the focal length, of a ray 90 degrees off the axis."""
-    angle = np.pi / 2
-    powers = angle ** np.array([2, 4, 6, 8])
-    return angle * max(0.0, 1 + float(powers @ camera.distortion))
+    """Radius in the picture, over the focal length, of a ray 90 degrees off the axis; infinite if the model folds.
+
+    Where the radius stops growing with the angle, what lies beyond is no picture of anything: nothing excuses it.
+    """
+    angles = np.linspace(0.0, np.pi / 2, 91)
+    radii = angles * (1.0 + angles[:, None] ** np.array([2, 4, 6, 8]) @ camera.distortion)
+    return float(radii[-1]) if (np.diff(radii) > 0).all() else math.inf

@@ -8,8 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from core.cameras import Camera
 from core.cameras.calibration_file import CalibrationFile, read_calibration_file
+from core.cameras.plausible import odd_lenses
 from core.errors import CalibrationError
+from core.events import SensorSize
 from core.foreign_tables import Unit
 from core.geometry import invert_transform, look_at
 
@@ -182,3 +185,14 @@ def test_a_rig_posed_at_the_table_has_no_remark_that_its_place_is_unknown(tmp_pa
     np.testing.assert_allclose(at_table.cameras["a"].position_world_m, (-1.0, 1.5, 1.2), atol=1e-9)
     assert [note.endswith("the world is the frame O of T_WO") for note in at_table.notes] == [True]
     assert any("does not say where the table is" in note for note in read(tmp_path, text).notes)
+
+
+def test_a_fisheye_lens_need_not_have_pinhole_rays_beyond_90_degrees_but_up_to_there() -> None:
+    K = np.array([[250.0, 0, 640], [0, 250.0, 360], [0, 0, 1]])  # 640 px are 2.56 focal lengths
+    for coefficients in [(0.1, 0.0, 0.0, 0.0), (0.0, 0.01, 0.0, 0.0), (0.02, 0.0, 0.001, 0.0001)]:
+        wide = Camera(SensorSize(1280, 720), K, np.array(coefficients), np.eye(4), "fisheye")
+        assert not np.isfinite(wide.undistort(np.array([[0.0, 360.0]]))).any(), "beyond 90 degrees"
+        assert odd_lenses({"wide": wide}) == []
+    folds = Camera(SensorSize(1280, 720), K, np.array([-0.3, 0.0, 0.0, 0.0]), np.eye(4), "fisheye")
+    (said,) = odd_lenses({"folds": folds})  # its largest radius is 0.7 focal lengths: a disc of a tenth of the picture
+    assert "gives no ray for 89." in said or "gives no ray for 90." in said
