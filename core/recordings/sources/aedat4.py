@@ -1,6 +1,6 @@
-"""AEDAT4 files, decoded by faery in a process of its own (`faery_worker` says why).
+"""AEDAT4 files, decoded in a process of its own (`aedat4_worker` says why).
 
-A packet that cannot be decoded is left out and counted; one that takes faery down with it is passed over by a new
+A packet that cannot be decoded is left out and counted; one that takes the process down with it is passed over by a new
 process.
 """
 
@@ -25,14 +25,14 @@ from core.recordings.sources.making import make_source
 from core.recordings.sources.source import Columns, DecodeReport, EventSource
 from core.text import parse_json
 
-_WORKER: Final = Path(__file__).with_name("faery_worker.py")
+_WORKER: Final = Path(__file__).with_name("aedat4_worker.py")
 _SILENCE_S: Final = 60
 """A decoder that says nothing for so long hangs."""
 _MAX_BROKEN: Final = 20
 """So many packets may take the decoder down before the rest is given up."""
 _HEAD: Final = struct.Struct("<cQ")
 _BYTES_PER_EVENT: Final = 8
-"""Size of an event in a file, for the progress only: faery does not tell how far it is."""
+"""Size of an event in a file, for the progress only: the worker does not tell how far it is."""
 
 
 def open_aedat4(path: Path, sensor: SensorSize | None) -> list[EventSource]:

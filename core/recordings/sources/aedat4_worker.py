@@ -1,8 +1,8 @@
-"""Decodes one AEDAT4 file with faery, in a process of its own: `python faery_worker.py PATH TRACK|- START`.
+"""Decodes one AEDAT4 file, in a process of its own: `python aedat4_worker.py PATH TRACK|- START`.
 
-A damaged file can make faery abort its whole process, and Rust reports to standard error what it likes. Here that harms
-nobody. START is the number of the first packet that is wanted. The answers go to standard output as messages of kind
-(one byte), length (uint64) and content:
+faery reads the header and the triggers. A damaged file can make it abort its whole process, and Rust reports to
+standard error what it likes. Here that harms nobody. START is the number of the first packet that is wanted. The
+answers go to standard output as messages of kind (one byte), length (uint64) and content:
     I  the file: JSON with the "tracks" that hold events, a list of [number, width, height], and what "others" hold
     N  the number of the packet that comes next: uint64
     E  events: t uint64, x uint16, y uint16, on uint8, column by column
@@ -18,7 +18,6 @@ from __future__ import annotations
 import json
 import mmap
 import os
-import re
 import struct
 import sys
 import tempfile
@@ -27,6 +26,7 @@ from contextlib import contextmanager, suppress
 from typing import NamedTuple
 
 import numpy as np
+import pyarrow
 from faery import aedat
 
 try:
@@ -37,16 +37,15 @@ except ImportError:  # Windows: there nothing limits the worker
 MEMORY_BYTES = 4 << 30
 """A damaged file may claim any size; what it asks for beyond this ends the worker instead of the machine."""
 MAGIC = b"#!AER-DAT4.0\r\n"
-COMPRESSED = (b"\x04\x22\x4d\x18", b"\x28\xb5\x2f\xfd")
+COMPRESSED = {b"\x04\x22\x4d\x18": "lz4", b"\x28\xb5\x2f\xfd": "zstd"}
 """How a packet of LZ4 or Zstandard begins."""
+EVENT = np.dtype({"names": ["t", "x", "y", "on"], "formats": ["<i8", "<i2", "<i2", "u1"], "itemsize": 16})
+"""A time in microseconds, a column, a row, whether brighter, and padding."""
 PLAIN = (b"EVTS", b"TRIG", b"FRME", b"IMUS")
 """Kinds of a packet that is not compressed: its kind, after two numbers of 32 bits."""
 HEAD = struct.Struct("<ii")
 NONE = -1
 """Track of bytes that are no packet."""
-SIDE = re.compile(rb'(<attr key="size[XY]" type="int">)\s*\d+\s*(</attr>)')
-WIDEST = 32767
-"""No address of the format is larger."""
 
 
 class Packet(NamedTuple):
@@ -72,56 +71,69 @@ def main(path: str, track: int | None, start: int) -> None:
 
 
 def decode(path: str, track: int | None, start: int) -> None:
-    """Send the events of a track, packet by packet; from the first that fails on, each is decoded alone."""
+    """Send the events of a track, packet by packet; one that cannot be decoded harms no other."""
     try:
-        decoder = aedat.Decoder(path)
-        found = decoder.tracks()
+        found = aedat.Decoder(path).tracks()
     except BaseException:  # noqa: BLE001 - its header may be whole, and only the table at the end not
-        decoder, found = None, read_tracks(path)
+        found = read_tracks(path)
     tracks = [item for item in found if item.data_type == "events"]
     sizes = [item.dimensions or (0, 0) for item in tracks]
     listed = [(item.id, size[0], size[1]) for item, size in zip(tracks, sizes, strict=True)]
     others = sorted({item.data_type for item in found if item.data_type not in ("events", "triggers")})
     send(b"I", json.dumps({"tracks": listed, "others": others}).encode())
     wanted = tracks[0].id if track is None and tracks else track
-    number = 0
-    if decoder is not None and not start:
-        try:
-            for item, packet in decoder:
-                send_packet(item, packet, wanted)
-                number += 1
-                send(b"N", struct.pack("<Q", number))
-            return
-        except BaseException:  # noqa: BLE001 - a panic of Rust is no Exception
-            start = number
     kinds = {item.id: item.data_type for item in found}
-    decode_one_by_one(path, kinds, wanted, start)
-
-
-def decode_one_by_one(path: str, kinds: dict[int, str], wanted: int | None, start: int) -> None:
-    """Put each packet alone behind the header in a file of its own, so that a broken one harms no other."""
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         header, end = read_header(data)
-        wide = without_sizes(header)
         for packet in find_packets(data, len(header), end, kinds):
             if packet.number < start:
                 continue
             if packet.track == NONE:
                 send(b"L", f"{packet.end - packet.start} bytes that are none".encode())
                 continue
-            if packet.track != wanted and kinds[packet.track] != "triggers":
+            is_wanted = packet.track == wanted
+            if not is_wanted and kinds[packet.track] != "triggers":
                 continue
             send(b"N", struct.pack("<Q", packet.number))
             try:
-                with decoder_of(wide + data[packet.start : packet.end]) as alone:
-                    found = [(item, content) for item, content in alone]
+                if is_wanted:
+                    send_events(data[packet.start + HEAD.size : packet.end])
+                else:
+                    send_triggers(header, data[packet.start : packet.end])
             except BaseException as error:  # noqa: BLE001 - a panic of Rust is no Exception
                 send(b"L", describe(error))
+
+
+def send_events(content: bytes) -> None:
+    """Send what a packet of events holds, each with its own time: faery would hold back those that step back.
+
+    The packet is a FlatBuffer behind its size: a table whose first field is a vector of structs.
+    """
+    for mark, name in COMPRESSED.items():
+        if content.startswith(mark):
+            content = bytes(pyarrow.input_stream(pyarrow.BufferReader(content), compression=name).read())
+    if content[8:12] != b"EVTS":
+        raise ValueError("a packet of a stream of events holds none")
+    root = 4 + struct.unpack_from("<I", content, 4)[0]
+    table = root - struct.unpack_from("<i", content, root)[0]
+    fields = struct.unpack_from("<H", content, table)[0] // 2 - 2
+    place = struct.unpack_from("<H", content, table + 4)[0] if fields > 0 else 0
+    if not place:
+        raise ValueError("the packet is empty")
+    vector = root + place + struct.unpack_from("<I", content, root + place)[0]
+    (count,) = struct.unpack_from("<I", content, vector)
+    events = np.frombuffer(content, EVENT, count, vector + 4)
+    columns = ((events["t"], "<u8"), (events["x"], "<u2"), (events["y"], "<u2"), (events["on"] != 0, "u1"))
+    send(b"E", b"".join(column.astype(dtype).tobytes() for column, dtype in columns))
+
+
+def send_triggers(header: bytes, packet: bytes) -> None:
+    """Send what a packet of triggers holds: it stands alone behind the header in a file of its own."""
+    with decoder_of(header + packet) as alone:
+        for _, content in alone:
+            if not isinstance(content, np.ndarray):
                 continue
-            if not found:
-                send(b"L", b"the packet is empty")
-            for item, content in found:
-                send_packet(item, content, wanted)
+            send(b"T", content["t"].astype("<u8").tobytes() + content["source"].astype("u1").tobytes())
 
 
 def read_tracks(path: str) -> list[aedat.Track]:
@@ -163,27 +175,6 @@ def read_header(data: mmap.mmap) -> tuple[bytes, int]:
     return bytes(header), end
 
 
-def without_sizes(header: bytes) -> bytes:
-    """The header with the largest sensors instead of its own: faery gives up a packet for one event outside.
-
-    The description is the text at the end of the header; where it is not, the header stays as it is.
-    """
-    base = len(MAGIC) + 4
-    with suppress(struct.error):
-        root = base + struct.unpack_from("<I", header, base)[0]
-        table = root - struct.unpack_from("<i", header, root)[0]
-        fields = struct.unpack_from("<H", header, table)[0] // 2 - 2
-        place = struct.unpack_from("<H", header, table + 8)[0] if fields > 2 else 0
-        text = root + place + struct.unpack_from("<I", header, root + place)[0]
-        (size,) = struct.unpack_from("<I", header, text)
-        if place and not header[text + 4 + size :].strip(b"\0"):
-            wide = SIDE.sub(rb"\g<1>%d\g<2>" % WIDEST, header[text + 4 : text + 4 + size])
-            wide += b"\0" * (4 - len(wide) % 4)
-            body = header[base:text] + struct.pack("<I", len(wide.rstrip(b"\0"))) + wide
-            return header[: len(MAGIC)] + struct.pack("<I", len(body)) + body
-    return header
-
-
 def find_packets(data: mmap.mmap, start: int, end: int, kinds: dict[int, str]) -> Iterator[Packet]:
     """Every packet of the file up to the stated `end`; behind bytes that are none, the next that begins as one."""
     number, at, stated, end = 0, start, end, len(data)
@@ -216,7 +207,7 @@ def is_head(data: mmap.mmap, at: int, end: int, kinds: dict[int, str]) -> bool:
 def begins_as_packet(data: mmap.mmap, at: int) -> bool:
     """Whether the content behind the head at `at` begins as packets do."""
     content = data[at + HEAD.size : at + HEAD.size + 12]
-    return content.startswith(COMPRESSED) or content[8:12] in PLAIN
+    return content.startswith(tuple(COMPRESSED)) or content[8:12] in PLAIN
 
 
 def next_packet(data: mmap.mmap, at: int, end: int, kinds: dict[int, str]) -> int:
@@ -230,17 +221,6 @@ def next_packet(data: mmap.mmap, at: int, end: int, kinds: dict[int, str]) -> in
         if place >= 0:
             found.append(place - before)
     return min(found, default=end)
-
-
-def send_packet(item: aedat.Track, packet: object, wanted: int | None) -> None:
-    """Send what a packet holds, if it is wanted."""
-    if not isinstance(packet, np.ndarray):
-        return
-    if item.id == wanted:
-        columns = ((packet["t"], "<u8"), (packet["x"], "<u2"), (packet["y"], "<u2"), (packet["on"], "u1"))
-        send(b"E", b"".join(column.astype(dtype).tobytes() for column, dtype in columns))
-    elif item.data_type == "triggers":
-        send(b"T", packet["t"].astype("<u8").tobytes() + packet["source"].astype("u1").tobytes())
 
 
 def describe(error: BaseException) -> bytes:
