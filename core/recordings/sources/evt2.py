@@ -184,9 +184,11 @@ def decode_evt21(words, state, width, height, out):
         word = words[i]
         kind = np.int64(word >> np.uint64(60))
         upper = np.int64((word >> np.uint64(32)) & np.uint64(_MASK))
-        if kind in (EVENT_OFF, EVENT_ON):
+        pixels = np.int64(word & np.uint64(0xFFFFFFFF))
+        if kind in (EVENT_OFF, EVENT_ON) and pixels == 0:  # its time may be none, too
+            state[_RESERVED] += word == 0
+        elif kind in (EVENT_OFF, EVENT_ON):
             column, row = (upper >> 11) & 0x7FF, upper & 0x7FF
-            pixels = np.int64(word & np.uint64(0xFFFFFFFF))
             now = base_t + (upper >> 22)
             state[LATE] += now < last_t
             last_t = max(last_t, now)

@@ -42,6 +42,8 @@ _MASK: Final = EVT3_TIME.mask
 _FEW_LOWS: Final = 3
 """So many fine times one after the other may be ahead of the others by damage."""
 _NEAR_WORDS: Final = 256
+_PADDING: Final = 4
+"""So many words of zeros one after the other are no rows."""
 
 HIGH, LOW, EPOCH, Y, BASE_X, BASE_ON, LAST_T, IGNORED, RESERVED, OUTSIDE, MAX_X, MAX_Y = range(12)
 
@@ -55,6 +57,17 @@ def start_state(words: np.ndarray) -> np.ndarray:
     state[HIGH] = first if first > 1 else 0
     state[LAST_T] = np.iinfo(np.int64).min
     return state
+
+
+@njit
+def _is_padding(words, at):
+    """Whether a word of zeros is one of many in a row, where a camera would name row 0 once."""
+    start, end = at, at + 1
+    while start > 0 and at - start < _PADDING and words[start - 1] == 0:
+        start -= 1
+    while end < len(words) and end - start < _PADDING and words[end] == 0:
+        end += 1
+    return end - start >= _PADDING
 
 
 @njit
@@ -127,6 +140,9 @@ def decode_evt3(words, state, width, height, out):  # noqa: C901 (one branch for
                     _hold(t, events, now)
         elif kind == ADDR_Y:
             row = word & 0x7FF
+            if word == 0 and _is_padding(words, i):
+                state[RESERVED] += 1
+                row = NO_ROW  # the next row that is named counts
         elif kind == TIME_HIGH:
             value = word & 0xFFF
             if value != high:

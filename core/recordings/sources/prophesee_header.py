@@ -18,8 +18,8 @@ _GENERATIONS: Final = (
     (("genx320",), SensorSize(320, 320)),
 )
 """Old headers name only the plug-in of the camera; its generation tells the sensor."""
-
-
+_FIRST_UNSWAPPED: Final = 0x37
+"""system_ID of the first of Prophesee's own cameras (the EVK2 with Saphir) whose words of EVT2.1 are whole."""
 _END: Final = re.compile(rb"((?:%[^\n]*\n)*?)%\s*end\r?\n")
 """A whole header with the line that ends it."""
 
@@ -55,11 +55,12 @@ def read_prophesee_header(path: Path) -> PropheseeHeader:
     format_name, _, extras = fields.get("format", "").partition(";")
     options = dict(item.strip().split("=", 1) for item in extras.split(";") if "=" in item)
     stated = _stated_sensors(lines, options)
+    version = _version(fields.get("evt"), format_name)
     return PropheseeHeader(
         size,
-        _version(fields.get("evt"), format_name),
+        version,
         stated[0] if stated else _sensor_of_camera(fields),
-        options.get("endianness") == "legacy",
+        version == "EVT2.1" and _is_word_swapped(fields, options),
         is_dat=_is_dat(lines, head[size : size + 2]),
         sensor_by_camera=not stated,
         dat_version=int(fields["version"]) if fields.get("version", "").isdigit() else None,
@@ -115,6 +116,16 @@ def _version(evt: str | None, format_name: str) -> str | None:
     if evt is not None:
         return {"2.0": "EVT2", "2": "EVT2", "2.1": "EVT2.1", "3.0": "EVT3", "3": "EVT3"}.get(evt, f"EVT{evt}")
     return None
+
+
+def _is_word_swapped(fields: dict[str, str], options: dict[str, str]) -> bool:
+    """As OpenEB decides for EVT2.1: by what the header states, or else by the age of Prophesee's own camera."""
+    if stated := options.get("endianness") or fields.get("endianness"):
+        return stated == "legacy"
+    keys = "plugin_integrator_name", "camera_integrator_name"
+    makers = {fields.get(key) or fields.get("integrator_name") for key in keys}
+    system = fields.get("system_id", "")
+    return makers == {"Prophesee"} and system.isdecimal() and 0 < int(system) < _FIRST_UNSWAPPED
 
 
 def _stated_sensors(lines: list[str], options: dict[str, str]) -> list[SensorSize]:

@@ -21,6 +21,7 @@ from core.recordings.sources.evt_time import (
     judge_time_high,
     next_time_high,
 )
+from core.recordings.sources.prophesee_header import read_prophesee_header
 from core.recordings.sources.source import DecodeReport
 
 HEADER3 = b"% evt 3.0\n% format EVT3;height=480;width=640\n% geometry 640x480\n% end\n"
@@ -145,6 +146,42 @@ def test_evt2_triggers_and_the_wrap_of_its_clock(tmp_path):
     assert (triggers.t_us.tolist(), triggers.channel.tolist(), triggers.rising.tolist()) == (
         [(top << 6) + 63], [3], [True],
     )  # fmt: skip
+
+
+BY_PROPHESEE = b"% camera_integrator_name Prophesee\n% plugin_integrator_name Prophesee\n% system_ID 49\n"
+
+
+@pytest.mark.parametrize(
+    ("stated", "swapped"),
+    [
+        (b"", False),
+        (b"% endianness legacy\n", True),
+        (b"% endianness little\n" + BY_PROPHESEE, False),
+        (BY_PROPHESEE, True),  # an EVK3
+        (b"% integrator_name Prophesee\n% system_ID 49\n", True),
+        (BY_PROPHESEE.replace(b"49", b"55"), False),  # an EVK2
+        (BY_PROPHESEE.replace(b"49", b"0"), False),
+        (BY_PROPHESEE.replace(b"% plugin_integrator_name Prophesee", b"% plugin_integrator_name Maker"), False),
+    ],
+)
+def test_the_header_tells_whether_words_of_evt21_are_swapped(tmp_path, stated, swapped):
+    path = tmp_path / "a.raw"
+    path.write_bytes(stated + HEADER21)
+    assert read_prophesee_header(path).word_swapped == swapped
+
+
+@pytest.mark.parametrize("version", ["EVT2", "EVT2.1", "EVT3"])
+def test_zeros_within_a_file_are_no_events_and_no_row(tmp_path, version):
+    write, words, zeros = {
+        "EVT2": (evt2_file, [8 << 28 | 1, 1 << 28 | 9 << 22 | 5 << 11 | 6], 2),
+        "EVT2.1": (evt21_file, [8 << 60 | 1 << 32, 1 << 60 | 9 << 54 | 5 << 43 | 6 << 32 | 1], 1),
+        "EVT3": (evt3_file, [0x8001, 0x6009, 0x0006, 0x2805], 4),
+    }[version]
+    events, report = read_all(write(tmp_path, [*words, *[0] * zeros, *words[-1:], *words[-2:]]))
+    assert f"a.raw: {zeros} words of reserved types (padding) were skipped." in report.notes
+    assert len(report.notes) == 1
+    rows = 2 if version == "EVT3" else 3  # what stands before the next row is named has none
+    assert events.y_px.tolist() == [6] * rows and events.x_px.tolist() == [5] * rows
 
 
 @pytest.mark.parametrize("swapped", [False, True])
