@@ -283,7 +283,8 @@ def common_zero_us(feeds: Sequence[Feed]) -> int:
     """
     for feed in feeds:
         if feed.first_us is None and feed.report.notes:
-            raise RecordingError(f"no events could be read: {feed.report.notes[-1]}")
+            reasons = [note for note in feed.report.notes if note not in feed.report.assumed]
+            raise RecordingError(f"no events could be read: {reasons[-1] if reasons else f'{feed.file} holds none'}")
     firsts = [feed.first_us for feed in feeds if feed.first_us is not None]
     if firsts and max(firsts) - min(firsts) > _UNRELATED_US:
         apart = " and ".join(f"{feed.name} begins at {feed.first_us} us" for feed in feeds)

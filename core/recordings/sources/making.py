@@ -131,6 +131,9 @@ def make_table_source(
         if origin != FactOrigin.ASSUMED and look().addresses.may_count_from_1(size):
             column, row = look().addresses.largest
             report.assume(f"{path.name}: no address is 0, the last ones are {column}, {row}; do they count from 1?")
+        if origin == FactOrigin.ASSUMED and (filled := look().addresses.filled_from_1) is not None:
+            text = "no address is 0; they may count from 1"
+            report.assume(f"{path.name}: {text}: then they are those of a {filled} sensor (--width, --height).")
         for note in assumed:
             report.assume(note)
         if assumed and origin == FactOrigin.ASSUMED and (turned := look().addresses.filled_by_turned) is not None:

@@ -16,8 +16,9 @@ from core.errors import RecordingError
 from core.events import SensorSize
 from core.recordings.sources.making import make_table_source
 from core.recordings.sources.numpy_files import in_parts
-from core.recordings.sources.source import EventSource, RawColumns
-from core.recordings.sources.table_columns import find_columns, refuse_split_time, unit_of_name
+from core.recordings.sources.source import EventSource, FactOrigin, RawColumns
+from core.recordings.sources.table_columns import addresses_from_column, find_columns, refuse_split_time, unit_of_name
+from core.recordings.sources.values.assumed_sizes import AddressCounts
 from core.recordings.sources.values.stated_sizes import size_in_attributes
 
 MAT5_MAGIC: Final = b"MATLAB 5.0"
@@ -62,7 +63,11 @@ def open_matlab(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     remarks: tuple[str, ...] = ()
     x, y = columns["x"], columns["y"]
     sizes = {name: value for name, value in holder.items() if np.asarray(value).size < 3}
-    size = sensor or size_in_attributes(sizes)
+    size, size_from = sensor or size_in_attributes(sizes), FactOrigin.FILE
+    if size is None:
+        addresses = AddressCounts()
+        addresses.add(addresses_from_column(x), addresses_from_column(y))
+        size, size_from = addresses.filled_from_1, FactOrigin.ASSUMED
     if len(x) and _count_from_1(x, y, size):
         columns |= {"x": x.astype(np.int64) - 1, "y": y.astype(np.int64) - 1}
         remarks = (f"{path.name}: its addresses count from 1, as MATLAB does; now from 0.",)
@@ -70,7 +75,7 @@ def open_matlab(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     return [
         make_table_source(
             path, "camera", "MATLAB", size, lambda report: in_parts(rows, report),
-            unit=unit_of_name(names[places["t"]]), remarks=remarks,
+            unit=unit_of_name(names[places["t"]]), sensor_from=size_from, remarks=remarks,
         )
     ]  # fmt: skip
 

@@ -56,6 +56,8 @@ def open_numpy(path: Path, sensor: SensorSize | None) -> list[EventSource]:
         _check_unpacked_size(path)
         rows, unit, stated, assumed = _load(path)
     except (*BROKEN, MemoryError) as error:  # a header may claim any size
+        if "allow_pickle" in str(error):
+            raise pickled(path) from error
         raise RecordingError("the NumPy file cannot be read", got=error, where=path) from error
     return [
         make_table_source(

@@ -37,6 +37,7 @@ from core.recordings.sources.source import BINARY_FACTS, Columns, DecodeReport, 
 _SYNCHRONISED_US: Final = 20_000
 """Header stamps of two cameras are late by this at most: so cameras whose clocks differ by less share theirs."""
 _FIRST_PACKETS: Final = 200
+_NO_SIZE: Final = "its messages do not name the size of the sensor; give --width and --height."
 _EMPTY_WORDS: Final = ("events", "event", "camera", "dvs", "cd_events_buffer", "cd", "image_raw")
 """Parts of a topic that name no camera."""
 
@@ -66,10 +67,11 @@ def open_bag(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     notes: list[str] = []
     found = [one for topic in topics if (one := _first_look(bag, topic, sensor, notes)) is not None]
     if not found:
+        if notes:
+            raise RecordingError("no events in the bag that can be read", got=" ".join(notes).rstrip("."), where=path)
         there = ", ".join(f"{topic.name} ({topic.type})" for topic in bag.topics.values()) or "nothing"
         expected = ", ".join([*ARRAY_TYPES[:2], PACKET_TYPES[0]])
-        where = path if not notes else f"{path}: {'; '.join(notes)}"
-        raise RecordingError("no events in the bag", expected=f"a topic of {expected}", got=there, where=where)
+        raise RecordingError("no events in the bag", expected=f"a topic of {expected}", got=there, where=path)
     assumed: list[str] = []
     found = _on_one_clock(found, assumed)
     names = _names([one.topic.name for one in found])
@@ -111,7 +113,7 @@ def _first_look(bag: Bag, topic: Topic, sensor: SensorSize | None, notes: list[s
             if size is not None and (len(batch.columns.t_us) or number > _FIRST_PACKETS):
                 return _EventTopic(topic, size, batch.frame_id, None, 0)
             if size is None and len(batch.columns.t_us):
-                notes.append(f"{topic.name} is left out: its messages do not name the size of the sensor.")
+                notes.append(f"{topic.name} is left out: {_NO_SIZE}")
                 return None
         notes.append(f"{topic.name} is left out: it has no events.")
         return None
@@ -125,7 +127,7 @@ def _first_look(bag: Bag, topic: Topic, sensor: SensorSize | None, notes: list[s
             return None
         size = sensor or _stated(first.width_px, first.height_px)
         if size is None:
-            notes.append(f"{topic.name} is left out: its messages do not name the size of the sensor.")
+            notes.append(f"{topic.name} is left out: {_NO_SIZE}")
             return None
         t_us = _first_event_us(packets, size)
         if t_us is not None:

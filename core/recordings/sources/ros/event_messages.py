@@ -57,6 +57,9 @@ class EventPacketMessage:
     data: memoryview
 
 
+_ZSTANDARD: Final = b"\x28\xb5\x2f\xfd"
+
+
 class _Cursor:
     """Reads the plain fields of a message one after the other, in either serialisation."""
 
@@ -89,12 +92,19 @@ class _Cursor:
         return seconds * 1_000_000_000 + nanoseconds, self.text()
 
 
+def _refuse_compressed(data: bytes, topic: Topic) -> None:
+    """Only the metadata of a ROS 2 bag say that each of its messages is compressed."""
+    if data.startswith(_ZSTANDARD):
+        raise RecordingError("compressed messages", where=topic.name, remedy="give the folder with metadata.yaml")
+
+
 def read_event_array(data: bytes, topic: Topic) -> EventArrayMessage:
     """The events of a message of one of `ARRAY_TYPES`.
 
     Raises:
         RecordingError: if the bag defines its records in a way that is not understood, or the message is damaged.
     """
+    _refuse_compressed(data, topic)
     try:
         cursor = _Cursor(data, topic.ros1)
         stamp_ns, frame_id = cursor.header()
@@ -113,6 +123,7 @@ def read_event_packet(data: bytes, topic: Topic) -> EventPacketMessage:
     Raises:
         RecordingError: if the message is damaged.
     """
+    _refuse_compressed(data, topic)
     try:
         cursor = _Cursor(data, topic.ros1)
         stamp_ns, frame_id = cursor.header()

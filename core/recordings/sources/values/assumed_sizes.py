@@ -71,6 +71,12 @@ class AddressCounts:
             return False
         return any(bool(counts[side : side + 1].any()) for counts, side in sides)
 
+    @property
+    def filled_from_1(self) -> SensorSize | None:
+        """The usual sensor that the addresses fill if they count from 1; None if there is none."""
+        size = SensorSize(*(max(1, side) for side in self.largest))
+        return size if size in _USUAL and self.may_count_from_1(size) else None
+
     def usual_sensor(self) -> SensorSize:
         """The smallest usual sensor that has all addresses but a few odd ones, else one just large enough for all."""
         events = int(self.columns.sum())

@@ -47,6 +47,8 @@ def guess_columns(sample: NDArray, *, where: str) -> TableOrder:
         RecordingError: if there are no such columns, or more than one order fits.
     """
     values = np.asarray(sample, np.float64)
+    if not len(values):
+        raise RecordingError("the table has no rows", where=where)
     polarity = _polarities(values) if values.shape[1] == 4 else []
     for times in (_never_decreasing(values), _mostly_rising(values)):
         fits = [(t, p) for t in times for p in polarity if t != p]

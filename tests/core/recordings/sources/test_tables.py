@@ -295,6 +295,26 @@ def test_numpy_files_without_events_are_refused(tmp_path):
         open_sources(path)
 
 
+def test_a_table_without_rows_and_a_pickled_array_are_refused_as_that(tmp_path):
+    np.save(tmp_path / "empty.npy", np.zeros((0, 4)))
+    with pytest.raises(RecordingError, match="the table has no rows"):
+        open_sources(tmp_path / "empty.npy")
+    np.save(tmp_path / "pickled.npy", np.array([{"t": 1}], object), allow_pickle=True)
+    with pytest.raises(RecordingError, match="a pickled file is not opened"):
+        open_sources(tmp_path / "pickled.npy")
+
+
+@pytest.mark.parametrize(("size", "asks"), [((320, 240), True), ((321, 240), False), ((319, 240), False)])
+def test_addresses_that_fill_a_usual_sensor_if_they_count_from_1_are_asked_about(tmp_path, size, asks):
+    t, corners = np.arange(4), np.array([[1, 1], [size[0], 1], [1, size[1]], size])
+    np.savez(tmp_path / "a.npz", t=t, x=corners[:, 0], y=corners[:, 1], p=t % 2)
+    (source,) = open_sources(tmp_path / "a.npz")
+    report = DecodeReport()
+    list(source.read(report))
+    said = [note for note in report.assumed if "they may count from 1: then they are those of a 320x240 sensor" in note]
+    assert len(said) == asks
+
+
 def test_a_stereo_mvsec_file_has_two_cameras_on_one_clock(tmp_path):
     path = tmp_path / "events"
     with h5py.File(path, "w") as file:

@@ -310,7 +310,7 @@ def test_damaged_bags_give_their_good_part_or_one_clear_line(tmp_path, kind):
 def test_the_size_of_the_sensor_can_be_given(tmp_path):
     with BagMaker(tmp_path / "a.bag", "ros1") as bag:
         bag.add_events("/dvs/events", EVENTS, size=(0, 0))
-    with pytest.raises(RecordingError, match="do not name the size of the sensor"):
+    with pytest.raises(RecordingError, match="do not name the size of the sensor; give --width and --height"):
         open_sources(tmp_path / "a.bag")
     (source,) = open_sources(tmp_path / "a.bag", SensorSize(346, 260))
     assert rows_of(source)[0] == EVENTS
