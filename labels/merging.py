@@ -2,7 +2,8 @@
 
 A store holds a layer for each annotator and camera, and so does the merged one. Two annotators are in conflict about a
 time of a camera if they say different states, or centres farther apart than they may be; about a contact, if its kinds
-or times differ. Of what one annotator said of a time, or of a contact, in two stores, the later counts.
+or times differ. Of what one annotator said of a time, or of a contact, in two stores, the later counts, and so does
+that it was deleted.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ class MergedStores:
     left_out: int
     """Labels that are or were in conflict, and so not in the new store."""
     superseded: int
-    """Labels for which the same annotator said something later in another store."""
+    """Labels that the same annotator changed or deleted later in another store."""
     notes: tuple[str, ...]
     contacts: int = 0
     """In the new store."""
@@ -56,6 +57,10 @@ class _Accumulator:
     first: dict[Layer, dict[int, Label]] = field(default_factory=lambda: defaultdict(dict))
     """What was said before a conflict was settled."""
     contacts: dict[Layer, tuple[ContactLabel, ...]] = field(default_factory=dict)
+    deleted_us: dict[Layer, tuple[dict[int, int], dict[int, int]]] = field(
+        default_factory=lambda: defaultdict(lambda: ({}, {}))
+    )
+    """Times of labels, and of contacts, that were deleted in a store, with when they were: the latest."""
     superseded: int = 0
     notes: list[str] = field(default_factory=list)
 
@@ -80,12 +85,31 @@ class _Accumulator:
         kept = [*(known[row] for row in old), *(contacts[row] for row in new)]
         self.contacts[layer] = tuple(sorted(kept, key=lambda contact: contact.t_us))
 
+    def add_deleted(self, layer: Layer, deleted_us: tuple[dict[int, int], dict[int, int]]) -> None:
+        for known, found in zip(self.deleted_us[layer], deleted_us, strict=True):
+            known.update({t_us: max(at_us, known.get(t_us, at_us)) for t_us, at_us in found.items()})
+
+    def take_deleted_out(self) -> None:
+        """What was said in one store and deleted later in another is no longer said."""
+        for layer, (labels_us, contacts_us) in self.deleted_us.items():
+            gone = [one for one in self.labels[layer].values() if _is_older(one, labels_us)]
+            for label in gone:
+                del self.labels[layer][label.t_us]
+            contacts = self.contacts.get(layer, ())
+            self.contacts[layer] = tuple(one for one in contacts if not _is_older(one, contacts_us))
+            self.superseded += len(gone) + len(contacts) - len(self.contacts[layer])
+
     def add_first(self, layer: Layer, labels: Iterable[Label]) -> None:
         known = self.first[layer]
         for label in labels:
             before = known.get(label.t_us)
             if before is None or label.provenance.made_at_us < before.provenance.made_at_us:
                 known[label.t_us] = label
+
+
+def _is_older(one: Label | ContactLabel, deleted_us: Mapping[int, int]) -> bool:
+    at_us = deleted_us.get(one.t_us)
+    return at_us is not None and one.provenance.made_at_us < at_us
 
 
 def merge_stores(
@@ -103,7 +127,8 @@ def merge_stores(
         prefer: annotator whose label counts in a conflict.
 
     Raises:
-        LabelError: if a source cannot be read, they are of different recordings, or `out` is there already.
+        LabelError: if a source cannot be read, they are of different recordings, none has labels of `prefer`, or `out`
+            is there already.
     """
     if out.exists():
         raise LabelError("there is a file already", where=out, remedy="name another one with --out")
@@ -114,6 +139,10 @@ def merge_stores(
         stores = ", ".join(f"{path} of {uuid}" for path, uuid in uuids.items())
         raise LabelError("these labels are of different recordings", got=stores)
     uuid = uuids[sources[0]]
+    names = sorted({layer.annotator for layer in pile.labels})
+    if prefer is not None and prefer not in names:
+        raise LabelError(f"no labels by {prefer!r}", expected=f"one of {', '.join(names)}", where="--prefer")
+    pile.take_deleted_out()
     differing = find_conflicts(pile.labels, within_px) if len(sources) > 1 else ()
     dropped = {
         (conflict.camera, conflict.t_us, name)
@@ -176,6 +205,7 @@ def _add_source(source: Path, pile: _Accumulator) -> str:
         pile.add(layer, labels.values())
         pile.add_first(layer, found.first[layer].values())
         pile.add_contacts(layer, found.contacts[layer])
+        pile.add_deleted(layer, found.deleted_us[layer])
     pile.notes += found.notes
     return found.recording_uuid
 

@@ -32,7 +32,7 @@ from labels.database.connection import (
     transaction,
     work_in_log,
 )
-from labels.database.contact_rows import contact_of, current_contacts, current_rejections
+from labels.database.contact_rows import contact_deletions, contact_of, current_contacts, current_rejections
 from labels.database.edit_log import (
     SessionHistory,
     UndoStep,
@@ -52,6 +52,7 @@ from labels.database.rows import (
     changes_since,
     current_arrays,
     current_rows,
+    deletions,
     label_of,
     times_by_others,
     value_at,
@@ -107,6 +108,8 @@ class LabelStore:
         self.layer = layer
         self.path = path
         self.notes = notes
+        self.is_damaged = False
+        """Whether it is what could be read of a damaged file; `notes` says so."""
         self._reader = reader
         # A store that is only dropped closes its file, too.
         self._finalizers = [weakref.finalize(self, reader.close)]
@@ -198,6 +201,9 @@ class LabelStore:
                 return store
             except DamagedStoreError:
                 reader, notes = salvage(path)
+                store = cls(layer, path, reader, notes)
+                store.is_damaged = True
+                return store
         return cls(layer, path, reader, notes)
 
     @property
@@ -340,6 +346,12 @@ class LabelStore:
             before = values_before_settling(self._reader, self._number, upto=self._seen)
         return tuple(label_of(t_us, values) for t_us, values in before if values is not None)
 
+    def deleted_us(self) -> tuple[dict[int, int], dict[int, int]]:
+        """Times of labels, and of contacts, that were deleted, with when they were, us since 1970."""
+        with self._lock, sqlite_errors(self.path, "cannot read the labels"):
+            self._refresh()
+            return deletions(self._reader, self._number), contact_deletions(self._reader, self._number)
+
     def all(self) -> tuple[Label, ...]:
         """All labels with their provenance, by time."""
         with self._lock, sqlite_errors(self.path, "cannot read the labels"):
@@ -474,4 +486,5 @@ class LabelStore:
 
 
 def _no_labels(layer: Layer, path: Path) -> LabelError:
-    return LabelError("no labels", got=f"nothing by {layer.annotator!r} for {layer.camera!r}", where=path)
+    what = "no second looks" if layer.blind else "no labels"
+    return LabelError(what, got=f"nothing by {layer.annotator!r} for {layer.camera!r}", where=path)

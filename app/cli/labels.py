@@ -15,7 +15,7 @@ import numpy as np
 
 from app.cli.arguments import PositiveInt, flag, positional
 from app.cli.labels_contacts import run_contacts
-from app.cli.labels_layer import Labelled, LayerArguments, read_layer
+from app.cli.labels_layer import Labelled, LayerArguments, read_layer, read_whole
 from app.cli.labels_merge import run_merge
 from app.cli.labels_score import run_score
 from app.cli.labels_shift import run_shift
@@ -35,6 +35,7 @@ from labels.formats import FORMATS, ExportOptions
 from labels.formats.import_check import ImportChoices, import_context, import_labels
 from labels.formats.import_report import ImportReport, describe_label, report_of
 from labels.formats.picture_times import FrameTimes, read_frame_times
+from labels.model import ContactLabel
 from labels.store import LabelStore, Layer, find_layers
 
 MAX_REASONS = 4
@@ -118,10 +119,21 @@ def run_import(arguments: LabelImportArguments) -> None:
         )
         context = import_context(recording, stream.name, stream.sensor, arguments.format, choices)
         found = import_labels(arguments.format, arguments.source, context)
+        taken = len(found.labels) + len(found.contacts)
+        if not taken and not found.rejections:
+            expected = f"labels of {FORMATS[arguments.format].summary}"
+            got = f"none in {counted(found.files, 'file')}"
+            raise LabelError("nothing to import", expected=expected, got=got, where=arguments.source)
+        rejections = [str(rejection) for rejection in found.rejections]
+        report = report_of(found)
+        if not taken and rejections:
+            others = "; ".join(f"{item.count} x {item.reason}" for item in report.rejected[:MAX_REASONS])
+            which = f" ({others})" if len(report.rejected) > 1 else ""
+            raise LabelError(f"nothing could be imported, {len(rejections)} rejected{which}", got=rejections[0])
         if arguments.check:
-            known = _labelled_us(layer.folder, recording.uuid, stream.name, annotator)
+            known, said = _said(layer.folder, recording.uuid, stream.name, annotator)
             new = [label for label in found.labels if arguments.replace or label.t_us not in known]
-            contacts = found.contacts
+            contacts = new_contacts(found.contacts, said, replace=arguments.replace)
         else:
             tool = f"rallyscope {version('rallyscope')}"
             with LabelStore.open(layer.folder, recording.uuid, stream.name, annotator, tool=tool) as store:
@@ -132,19 +144,8 @@ def run_import(arguments: LabelImportArguments) -> None:
                 gone = replaced - {contact.t_us for contact in contacts}
                 # one step: one undo takes the whole import back
                 store.edit(put=new, put_contacts=contacts, delete_contacts=gone)
-    taken = len(found.labels) + len(found.contacts)
-    if not taken and not found.rejections:
-        expected = f"labels of {FORMATS[arguments.format].summary}"
-        got = f"none in {counted(found.files, 'file')}"
-        raise LabelError("nothing to import", expected=expected, got=got, where=arguments.source)
-    there, rejections = len(found.labels) - len(new), [str(rejection) for rejection in found.rejections]
-    report = report_of(found)
-    if not taken and rejections:
-        others = "; ".join(f"{item.count} x {item.reason}" for item in report.rejected[:MAX_REASONS])
-        which = f" ({others})" if len(report.rejected) > 1 else ""
-        raise LabelError(f"nothing could be imported, {len(rejections)} rejected{which}", got=rejections[0])
     done = "would be imported" if arguments.check else "imported"
-    labels = counted(len(new), "label")
+    there, labels = len(found.labels) - len(new), counted(len(new), "label")
     lines = [f"{labels} {done} for {annotator!r}, {there} were there already, {len(rejections)} rejected"]
     if found.contacts:
         all_contacts = counted(len(found.contacts), "contact")
@@ -162,15 +163,13 @@ def run_import(arguments: LabelImportArguments) -> None:
     )
 
 
-def _labelled_us(folder: Path, uuid: str, camera: str, annotator: str) -> set[int]:
-    """Times at which an annotator has labels of a camera; no store is made where there is none."""
-    wanted = (camera, annotator, False)
-    layers = [one for one in find_layers(folder, uuid) if (one.camera, one.annotator, one.blind) == wanted]
-    times: set[int] = set()
-    for layer in layers:
-        with LabelStore.read(folder, layer) as store:
-            times.update(store.labels().t_us.tolist())
-    return times
+def _said(folder: Path, uuid: str, camera: str, annotator: str) -> tuple[set[int], tuple[ContactLabel, ...]]:
+    """Times of an annotator's labels of a camera, and the contacts; no store is made where there is none."""
+    wanted = Layer(uuid, camera, annotator, False)
+    if wanted not in find_layers(folder, uuid):
+        return set(), ()
+    with LabelStore.read(folder, wanted) as store:
+        return set(store.labels().t_us.tolist()), store.contacts()
 
 
 def _frame_times(path: Path | None, stream: Labelled) -> FrameTimes:
@@ -238,7 +237,10 @@ def run_export(arguments: LabelExportArguments) -> None:
     what = counted(made.labels, "label") + (f" and {counted(made.contacts, 'contact')}" if made.contacts else "")
     lines = [f"{what} in {counted(counts['files'], 'file')}, {counted(counts['pictures'], 'picture')}: {out}"]
     lines += [f"not in this format: {loss}" for loss in made.losses]
-    layer.tell({**counts, "out": str(out), "losses": list(made.losses)}, lines)
+    if made.earlier:
+        there = counted(len(made.earlier), "file")
+        lines.append(f"{there} of an earlier export still there, and read with these: {made.earlier[0]}, ...")
+    layer.tell({**counts, "out": str(out), "losses": list(made.losses), "earlier": list(map(str, made.earlier))}, lines)
 
 
 def run_agree(arguments: LabelAgreeArguments) -> None:
@@ -249,7 +251,7 @@ def run_agree(arguments: LabelAgreeArguments) -> None:
     name, blind = arguments.other or mine, arguments.other is None
     layer = Layer(first.layer.recording_uuid, first.layer.camera, name, blind)
     # As they were before anybody looked at the other's: what was settled agrees by itself.
-    second = LabelStore.read(arguments.layer.folder, layer)
+    second = read_whole(arguments.layer.folder, layer)
     mine_first, theirs_first = first.independent(), second.independent()
     contacts = measure_contact_agreement(first.contacts(), second.contacts())
     found = measure_agreement(mine_first.labels, theirs_first.labels)

@@ -14,7 +14,7 @@ from app.cli.terminal import json_ready, print_lines, say
 from app.modes.label.sources import LabelSource, sources_of
 from core.errors import CommandError
 from core.recordings import CameraStream, Recording, open_recording
-from labels.store import LabelStore, find_layers
+from labels.store import LabelStore, Layer, find_annotators, find_layers
 
 Labelled = CameraStream | LabelSource
 """An event camera, or the frames of an ordinary one."""
@@ -57,9 +57,15 @@ def read_layers(
     """What one annotator said of those cameras, a store for each that has labels.
 
     Raises:
-        CommandError: if there is none, or several annotators and no name.
+        CommandError: if there is none, several annotators and no name, or the store is damaged.
     """
-    layers = [layer for layer in find_layers(folder, recording.uuid) if layer.camera in cameras and not layer.blind]
+    # Who has only begun a layer, as by an import that was refused, has said nothing.
+    known = find_annotators(folder, recording.uuid)
+    layers = [
+        layer
+        for layer in find_layers(folder, recording.uuid)
+        if layer.camera in cameras and not layer.blind and layer.annotator in known
+    ]
     names = sorted({layer.annotator for layer in layers})
     if not names:
         remedy = "label it in the app, or name the folder with --data"
@@ -70,7 +76,21 @@ def read_layers(
     name = annotator or names[0]
     if name not in names:
         raise CommandError(f"no labels by {name!r}", expected=f"one of {', '.join(names)}", where="--annotator")
-    return tuple(LabelStore.read(folder, layer) for layer in layers if layer.annotator == name)
+    return tuple(read_whole(folder, layer) for layer in layers if layer.annotator == name)
+
+
+def read_whole(folder: Path, layer: Layer) -> LabelStore:
+    """A store from which nothing is missing: figures and files of a part of the labels would pass for all of them.
+
+    Raises:
+        CommandError: if it is damaged.
+        LabelError: if there is none.
+    """
+    store = LabelStore.read(folder, layer)
+    if not store.is_damaged:
+        return store
+    with store:
+        raise CommandError(store.notes[0], remedy=f"rallyscope labels merge {store.path} --out NEW.sqlite saves them")
 
 
 def read_layer(arguments: LayerArguments, recording: Recording, stream: Labelled) -> LabelStore:

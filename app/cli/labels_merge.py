@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import argparse
 import json
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Final
@@ -19,10 +21,10 @@ MAX_SHOWN: Final = 20
 
 
 def _distance(text: str) -> float:
-    value = float(text)
-    if not 0 <= value < float("inf"):
-        raise ValueError(text)
-    return value
+    with suppress(ValueError):
+        if 0 <= (value := float(text)) < float("inf"):
+            return value
+    raise argparse.ArgumentTypeError(f"expected a distance in pixels, 0 or more, got {text!r}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,8 +50,8 @@ def run_merge(arguments: LabelMergeArguments) -> None:
 def _lines(merged: MergedStores, arguments: LabelMergeArguments) -> list[str]:
     lines = [
         f"{counted(merged.labels, 'label')} merged into {arguments.out}; {counted(len(merged.conflicts), 'conflict')}, "
-        f"{counted(merged.left_out, 'label')} left out; {merged.superseded} replaced by later labels of the same "
-        "annotator"
+        f"{counted(merged.left_out, 'label')} left out; {merged.superseded} changed or deleted later by the "
+        "same annotator"
     ]
     if merged.settled:
         lines.append(f"{counted(merged.settled, 'conflict')} settled in Label: the label that settles each was taken")

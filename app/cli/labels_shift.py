@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from importlib.metadata import version
+from typing import TypeVar
 
 import numpy as np
 
@@ -18,8 +19,10 @@ from core.errors import CommandError
 from core.metrics import run_detector
 from core.text import counted
 from labels.assist.label_shift import LabelShift, find_label_shift
-from labels.model import Label
+from labels.model import ContactLabel, Label
 from labels.store import LabelStore
+
+AnyLabel = TypeVar("AnyLabel", Label, ContactLabel)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,25 +57,37 @@ def run_shift(arguments: LabelShiftArguments) -> None:
                 raise CommandError("no shift was found to apply", got=shift.reason)
             # Under another name: what a person placed stays as it is.
             name = f"{store.layer.annotator}-shifted"
-            moved = [one for label in store.all() if (one := _moved(label, shift)) is not None]
+            every, contacts = store.all(), store.contacts()
+            moved = [one for label in every if (one := _moved(label, shift)) is not None]
+            moved_contacts = [one for contact in contacts if (one := _at_other_time(contact, shift)) is not None]
             tool = f"rallyscope {version('rallyscope')}"
             with LabelStore.open(layer.folder, recording.uuid, stream.name, name, tool=tool) as target:
-                if len(target.labels()):
+                if len(target.labels()) or target.contacts():
                     raise CommandError("there are moved labels already", got=name, where="--apply")
-                target.edit(put=moved)
+                target.edit(put=moved, put_contacts=moved_contacts)
             report["applied_as"] = name
-            lines.append(f"{counted(len(moved), 'label')} moved, stored as {name!r}")
+            what = counted(len(moved), "label") + (f", {counted(len(contacts), 'contact')}" if contacts else "")
+            lines.append(f"{what} moved, stored as {name!r}")
+            if lost := len(every) - len(moved) + len(contacts) - len(moved_contacts):
+                lines.append(f"{lost} left out: before the start of the recording")
     layer.tell(report, lines)
 
 
 def _moved(label: Label, shift: LabelShift) -> Label | None:
     """A label at the time and place of the events; None before the start of the recording."""
-    t_us = label.t_us + round(shift.dt_us)
-    if t_us < 0:
-        return None
-    if label.x_px is None or label.y_px is None:
-        return dataclasses.replace(label, t_us=t_us)
-    return dataclasses.replace(label, t_us=t_us, x_px=label.x_px + shift.du_px, y_px=label.y_px + shift.dv_px)
+    at = _at_other_time(label, shift)
+    if at is None or at.x_px is None or at.y_px is None:
+        return at
+    return dataclasses.replace(at, x_px=at.x_px + shift.du_px, y_px=at.y_px + shift.dv_px)
+
+
+def _at_other_time(one: AnyLabel, shift: LabelShift) -> AnyLabel | None:
+    """A label or a contact at the time of the events; None before the start of the recording."""
+    t_us, made = one.t_us + round(shift.dt_us), one.provenance
+    if made.window_us is not None:
+        start_us, end_us = (at_us + round(shift.dt_us) for at_us in made.window_us)
+        made = dataclasses.replace(made, window_us=(start_us, end_us))
+    return None if t_us < 0 else dataclasses.replace(one, t_us=t_us, provenance=made)
 
 
 def _shift_lines(shift: LabelShift) -> list[str]:

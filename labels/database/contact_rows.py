@@ -6,7 +6,7 @@ import sqlite3
 from typing import Final
 
 from core.errors import LabelError
-from labels.database.rows import PROVENANCE_COLUMNS, Values, provenance_of, values_of_provenance
+from labels.database.rows import PROVENANCE_COLUMNS, Values, deletions, provenance_of, values_of_provenance
 from labels.database.schema import holds_contacts
 from labels.model import ContactKind, ContactLabel
 
@@ -67,6 +67,11 @@ def current_contacts(db: sqlite3.Connection, layer: int, *, upto: int) -> list[t
         (layer, upto),
     )
     return [(row[0], row[2:]) for row in rows]
+
+
+def contact_deletions(db: sqlite3.Connection, layer: int) -> dict[int, int]:
+    """Times whose contact was taken away, with when that was."""
+    return deletions(db, layer, "contact_changes", "kind") if holds_contacts(db) else {}
 
 
 def contact_at(db: sqlite3.Connection, layer: int, t_us: int, *, upto: int) -> Values | None:

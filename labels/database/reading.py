@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import unquote
 
+from core.errors import LabelError
 from core.text import counted
 from labels.database.connection import DamagedStoreError, distrust, open_to_read, sqlite_errors, transaction
 from labels.database.folder import Layer, journals_in, stores_in
@@ -17,6 +18,7 @@ from labels.database.migration import replay
 from labels.database.schema import create_tables, holds_contacts, recording_of, upgrade_tables
 from labels.journal import read_journal
 
+SQLITE_MAGIC: Final = b"SQLite format 3\0"
 KEYS: Final = {
     "layers": "layer",
     "edits": "edit",
@@ -33,6 +35,16 @@ def salvage(path: Path) -> tuple[sqlite3.Connection, tuple[str, ...]]:
     Raises:
         LabelError: if not even the beginning of the file can be read.
     """
+    try:
+        return _salvage(path)
+    except DamagedStoreError as error:  # its advice is to do what was just tried
+        with path.open("rb") as file:
+            is_database = file.read(len(SQLITE_MAGIC)) == SQLITE_MAGIC
+        what = "a label store of which nothing can be read" if is_database else "not a label store"
+        raise LabelError(what, got=error.__cause__, where=path) from error
+
+
+def _salvage(path: Path) -> tuple[sqlite3.Connection, tuple[str, ...]]:
     with (
         contextlib.closing(open_to_read(path, untouched=True)) as damaged,
         sqlite_errors(path, "cannot read the labels"),

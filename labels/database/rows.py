@@ -145,6 +145,16 @@ def current_rows(db: sqlite3.Connection, layer: int, *, upto: int) -> sqlite3.Cu
     )
 
 
+def deletions(db: sqlite3.Connection, layer: int, table: str = "changes", column: str = "state") -> dict[int, int]:
+    """Times whose label was taken away, with when that was; what a merge left out was not taken away by anybody."""
+    rows = db.execute(
+        f"SELECT t_us, max(edit), {table}.{column}, edits.made_at_us, edits.tool FROM {table} JOIN edits USING (edit) "
+        f"WHERE {table}.layer = ? GROUP BY t_us HAVING {table}.{column} IS NULL AND edits.tool != ?",
+        (layer, MERGE_TOOL),
+    )
+    return {row[0]: row[3] for row in rows}
+
+
 def changes_since(db: sqlite3.Connection, layer: int, edit: int, *, most: int) -> list[tuple[int, Values]]:
     """What was said last of the times that were changed after an edit; so many of them at most."""
     rows = db.execute(

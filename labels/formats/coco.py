@@ -104,6 +104,9 @@ def _pictures_in(text: str, file: Path, context: ImportContext, collector: Colle
     if not isinstance(document, dict) or not all(isinstance(items, list) for items in lists):
         collector.reject(file, 1, "not a COCO file; expected lists of images and annotations")
         return []
+    info = document.get("info")
+    if isinstance(info, dict) and not collector.is_of(context, file, info.get("camera"), info.get("recording")):
+        return []
     balls = _ball_categories(document, file, context, collector)
     add_contacts(document.get("contacts"), file, context, collector)
     images = _images_by_id(document, file, collector)
@@ -197,6 +200,7 @@ def _objects(items: object, kind: str, file: Path, collector: Collector) -> list
 def _time_of(image: JsonObject, place: Place) -> int:
     t_us = image.get("t_us")
     if isinstance(t_us, int) and not isinstance(t_us, bool):
+        place.check_camera()
         return t_us
     if "file_name" not in image:
         raise LabelError("missing 'file_name'")

@@ -6,11 +6,12 @@ Read are images and the tracks of videos.
 from __future__ import annotations
 
 import dataclasses
+import re
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Final
-from xml.sax.saxutils import quoteattr
+from xml.sax.saxutils import quoteattr, unescape
 
 import numpy as np
 
@@ -44,6 +45,7 @@ from labels.formats.labelled_pictures import (
     stated_size,
     unrepeated,
 )
+from labels.formats.picture_names import own_camera, stem_of
 from labels.formats.picture_times import check_numbers
 from labels.model import Label, LabelState, PositionSource
 
@@ -56,7 +58,12 @@ _TAGS = {state.value: state for state in LabelState if not state.seen}
 
 
 def write_cvat(labels: LabelSet, folder: Path, options: ExportOptions) -> Exported:
-    """`annotations.xml` in the folder."""
+    """`annotations.xml` in the folder.
+
+    Raises:
+        LabelError: if there is one of another camera.
+    """
+    _refuse_other_camera(folder / FILE, labels.camera)
     lines = ['<?xml version="1.0" encoding="utf-8"?>', "<annotations>", "  <version>1.1</version>"]
     lines += _meta(labels)
     for number, label in enumerate(labels.labels):
@@ -68,6 +75,14 @@ def write_cvat(labels: LabelSet, folder: Path, options: ExportOptions) -> Export
     lines += ["</annotations>", ""]
     losses = ["provenance and covariance"] * bool(labels.labels)
     return Exported((write_text(folder / FILE, "\n".join(lines)),), count_losses(losses))
+
+
+def _refuse_other_camera(file: Path, camera: str) -> None:
+    names = re.findall(r'<image [^>]*\bname="([^"]*)"', file.read_text("utf-8", "replace")) if file.is_file() else []
+    others = {own_camera(stem_of(unescape(name))) for name in names} - {None, camera}
+    if others:
+        got, remedy = f"labels of {', '.join(sorted(map(str, others)))}", "give each camera a folder of its own"
+        raise LabelError("the file holds another camera", got=got, where=file, remedy=remedy)
 
 
 def _meta(labels: LabelSet) -> list[str]:

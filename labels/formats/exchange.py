@@ -133,7 +133,9 @@ class ImportContext:
     empty_pictures: LabelState | None = None
     """What a listed picture without any annotation is; None: nobody looked at it, unless the tool says otherwise."""
     other_cameras: tuple[str, ...] = ()
-    """The other cameras of the recording: pictures of theirs are refused."""
+    """The other cameras of the recording: pictures and files of theirs are refused."""
+    recording_uuid: str = ""
+    """Of which recording; empty: not known."""
     end_us: int | None = None
     """Where the recording ends."""
     events_between: Callable[[int, int], Events] | None = None
@@ -319,6 +321,18 @@ class Collector:
         """Say what was found or done for all entries."""
         if text not in self._notes:
             self._notes.append(text)
+
+    def is_of(self, context: ImportContext, file: Path, camera: object, recording: object = None) -> bool:
+        """Whether a file that names its camera is of that of the context, or of one that this recording does not have.
+
+        If not it is rejected; another recording is noted, because the same recording may have been imported again.
+        """
+        if camera in context.other_cameras:
+            self.reject(file, 1, LabelError("labels of another camera", expected=context.camera, got=camera))
+            return False
+        if isinstance(recording, str) and recording and context.recording_uuid not in ("", recording):
+            self.note(f"{file.name} says that it is of another recording; its times are taken as those of this one")
+        return True
 
     @contextmanager
     def entry(self, file: Path, line: int) -> Iterator[None]:

@@ -64,6 +64,7 @@ def import_context(
         picture_size=choices.picture_size,
         empty_pictures=LabelState.NO_BALL if choices.empty_is_no_ball else None,
         other_cameras=tuple(name for name in recording.cameras if name != camera),
+        recording_uuid=recording.uuid,
         end_us=recording.duration_us,
         events_between=None if stream is None else stream.slice,
     )

@@ -89,6 +89,11 @@ class Place:
             raise LabelError("<filename> and the file's name are of two pictures", got=got, remedy="rename the file")
         return found[0]
 
+    def check_camera(self) -> None:
+        """Raises LabelError if its name is that of a picture of another camera."""
+        for times, name in zip(self.times, self.picture.names, strict=False):
+            times.check_camera(name)
+
     @property
     def factors(self) -> tuple[float, float]:
         """From the picture's pixels to the sensor's, along x and y.

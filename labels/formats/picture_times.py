@@ -118,6 +118,13 @@ class PictureTimes:
         """The times of the pictures with these names."""
         return cls(context, PictureNumbers(names))
 
+    def check_camera(self, picture: str) -> None:
+        """Raises LabelError if a picture is one of another camera of the recording."""
+        other = other_camera_in(picture, self.context.camera, self.context.other_cameras)
+        if other is not None:
+            expected = f"one of {self.context.camera!r}"
+            raise LabelError(f"a picture of camera {other!r}", expected=expected, got=repr(picture[:200]))
+
     def time_of(self, picture: str, index: int | None = None) -> int:
         """By our own time in the name, by the table of names, by the tool's own index, or by a number in the name.
 
@@ -126,10 +133,7 @@ class PictureTimes:
         """
         stem = stem_of(picture)
         self.numbers.refuse_copies(picture)
-        other = other_camera_in(picture, self.context.camera, self.context.other_cameras)
-        if other is not None:
-            expected = f"one of {self.context.camera!r}"
-            raise LabelError(f"a picture of camera {other!r}", expected=expected, got=repr(picture[:200]))
+        self.check_camera(picture)
         ours = own_time(stem)
         if ours is not None:
             return ours

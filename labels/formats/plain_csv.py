@@ -205,7 +205,10 @@ def read_csv(path: Path, context: ImportContext) -> Imported:
     A table without states is a 2D track of another tool if it has the columns of one.
     """
     collector = Collector()
+    cameras = {file_stem(name): name for name in context.other_cameras}
     for file in files_at(path, ".csv", collector):
+        if not collector.is_of(context, file, cameras.get(file.stem.removesuffix(".contacts"))):
+            continue
         text = read_text(file, collector)
         if text is not None:
             _read_file(text, file, context, collector)
@@ -216,15 +219,17 @@ def _read_file(text: str, file: Path, context: ImportContext, collector: Collect
     rows = table_rows(text, file, collector)
     _, names = next(rows, (1, []))
     header = [name.strip() for name in names]
+    # Before names in other letters are made equal: DeepLabCut's are values.
     if is_deeplabcut(header):
         read_deeplabcut(header, rows, file, context, collector)
         return
+    header = [name.lower() for name in header]
     if set(REQUIRED_OF_CONTACT) <= set(header) <= set(CONTACT_COLUMNS) and len(set(header)) == len(header):
         _read_contacts(rows, header, file, context, collector)
         return
-    if "state" not in header and (columns := track_columns([name.lower() for name in header])) is not None:
+    if "state" not in header and (columns := track_columns(header)) is not None:
         track = list(rows)
-        if _are_boxes([name.lower() for name in header], track, columns, context):
+        if _are_boxes(header, track, columns, context):
             what = "x and y beside the sides of a box may be its corner: expected its centre, as cx, cy"
             collector.reject(file, 1, f"{what}, got {', '.join(header)[:200]}")
             return

@@ -55,6 +55,8 @@ def _read_document(document: object, file: Path, context: ImportContext, collect
     if not isinstance(document, dict) or not isinstance(labels, list):
         collector.reject(file, 1, "not a file of labels; expected an object with the list labels")
         return
+    if not collector.is_of(context, file, document.get("camera"), document.get("recording")):
+        return
     for number, entry in enumerate(labels):
         if not isinstance(entry, JsonObject):
             collector.reject(file, 1, f"label {number} is not an object")

@@ -113,6 +113,7 @@ def read_labels(file: h5py.File, path: Path, context: ImportContext, collector: 
     if kind_at(groups, chosen) is not h5py.Group:  # or a link to another file, which is not followed
         collector.reject(path, 1, "not a group of columns")
         return
+    collector.is_of(context, path, context.camera, file.attrs.get("uuid"))
     read_group(group_at(groups, chosen), path, context, collector)
 
 

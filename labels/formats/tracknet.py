@@ -74,7 +74,11 @@ def write_tracknet(labels: LabelSet, folder: Path, options: ExportOptions) -> Ex
             losses.append("a ball at (0, 0), which TrackNet's evaluation takes for none")
         text = [f"{value:.0f}" if options.whole_pixels or not found else f"{value:.3f}" for value in (x, y)]
         rows.append(f"{number},{int(found)},{text[0]},{text[1]}")
-    main = write_text(folder / f"{file_stem(labels.camera)}_ball.csv", "\n".join([",".join(HEADER), *rows, ""]))
+    file = folder / f"{file_stem(labels.camera)}_ball.csv"
+    if others := sorted(other.name for other in folder.glob("*_ball.csv") if other != file):  # frames.csv is theirs
+        remedy = "give each camera a folder of its own"
+        raise LabelError(f"{FRAMES} holds the times of one camera", got=others[0], where=folder, remedy=remedy)
+    main = write_text(file, "\n".join([",".join(HEADER), *rows, ""]))
     frames = write_frame_times(folder, [label.t_us for label in labels.labels])
     return Exported((main, frames), count_losses(losses))
 

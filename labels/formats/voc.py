@@ -126,7 +126,7 @@ def _picture_of(root: XmlNode, file: Path, context: ImportContext) -> Picture:
     shapes = [DrawnShape(item.line, partial(_label_of, item, context)) for item in root.all("object")]
     extra = root.child(EXTRA)
     if extra is not None and not shapes:
-        shapes = [DrawnShape(extra.line, lambda place: _label_of_extra(extra, context))]
+        shapes = [DrawnShape(extra.line, lambda place: _label_of_extra(extra, context, place))]
 
     def whole(place: Place) -> Label | None:
         place.check_size()
@@ -151,7 +151,7 @@ def _label_of(item: XmlNode, context: ImportContext, place: Place) -> Label:
     extra, factors = item.child(EXTRA), place.factors
     if extra is None or factors != (1.0, 1.0):
         return _label_of_box(item, place.t_us, factors, context)
-    return _label_of_extra(extra, context)
+    return _label_of_extra(extra, context, place)
 
 
 def _lists_unannotated(root: XmlNode) -> bool:
@@ -162,7 +162,8 @@ def _lists_unannotated(root: XmlNode) -> bool:
     return source is not None and (source.child("annotation") is not None or source.child("image") is not None)
 
 
-def _label_of_extra(extra: XmlNode, context: ImportContext) -> Label:
+def _label_of_extra(extra: XmlNode, context: ImportContext, place: Place) -> Label:
+    place.check_camera()
     x, y, r = (finite(extra.attributes[name], name) if name in extra.attributes else None for name in ("x", "y", "r"))
     return context.make(int(extra.attribute("t_us")), LabelState(extra.attribute("state")), x, y, r)
 

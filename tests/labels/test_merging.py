@@ -1,12 +1,13 @@
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import pytest
 
 from core.errors import LabelError
 from labels.merging import merge_stores
-from labels.model import Label, LabelState, Provenance
+from labels.model import ContactKind, ContactLabel, Label, LabelState, Provenance
 from labels.store import LabelStore, Layer, find_layers
 
 UUID = "rec"
@@ -117,3 +118,48 @@ def test_what_cannot_be_merged_is_one_clear_line(stores: tuple[Path, Path], tmp_
     with pytest.raises(LabelError, match="a file already"):
         merge_stores(stores, out)
     assert out.read_text() == "mine"
+
+
+@pytest.mark.parametrize("in_folders", [True, False])
+@pytest.mark.parametrize("order", [1, -1])
+def test_what_was_deleted_later_in_another_store_stays_deleted(tmp_path: Path, in_folders: bool, order: int) -> None:
+    bounce = ContactLabel(t_us=50, kind=ContactKind.BOUNCE, provenance=Provenance(made_at_us=5))
+    one, two = (make(tmp_path / name, "anna", ball(1, 10.0), ball(2, 10.0), ball(3, 10.0)) for name in ("a", "b"))
+    for name in ("a", "b"):
+        with LabelStore.open(tmp_path / name, UUID, "left", "anna") as store:
+            store.edit(put_contacts=[bounce])
+    with LabelStore.open(tmp_path / "b", UUID, "left", "anna") as store:
+        store.edit(delete=[2], delete_contacts=[50])
+        store.edit(delete=[3])
+    with LabelStore.open(tmp_path / "a", UUID, "left", "anna") as store:
+        later = int(time.time() * 1e6) + 10**9
+        store.edit(put=[ball(3, 44.0, made_at_us=later)])  # said again after it was deleted there
+    sources = [one, two][::order]
+    out = tmp_path / "c.sqlite"
+    merged = merge_stores([path.parent if in_folders else path for path in sources], out)
+    assert labels_of(out, "anna") == [1, 3]
+    assert (merged.labels, merged.contacts, merged.superseded) == (2, 0, 2)
+
+
+def test_what_a_merge_left_out_was_not_deleted_by_anybody(stores: tuple[Path, Path], tmp_path: Path) -> None:
+    out = tmp_path / "c.sqlite"
+    merge_stores(stores, out)
+    again = tmp_path / "again.sqlite"
+    merge_stores([out, stores[0]], again)
+    assert 2 in labels_of(again, "anna") and 4 in labels_of(again, "anna")
+
+
+def test_whoever_is_preferred_has_labels(stores: tuple[Path, Path], tmp_path: Path) -> None:
+    with pytest.raises(LabelError, match="no labels by 'Anna'; expected one of anna, bea"):
+        merge_stores(stores, tmp_path / "c.sqlite", prefer="Anna")
+
+
+def test_what_is_no_store_or_unreadable_is_said_without_advising_to_merge_it(tmp_path: Path) -> None:
+    table = tmp_path / "labels.csv"
+    table.write_text("t_us,state\n" * 50)
+    cut = make(tmp_path / "a", "anna", *(ball(t_us, 10.0) for t_us in range(300)))
+    cut.write_bytes(cut.read_bytes()[:3000])
+    for path, said in ((table, "not a label store"), (cut, "a label store of which nothing can be read")):
+        with pytest.raises(LabelError, match=said) as caught:
+            merge_stores([path], tmp_path / "out.sqlite")
+        assert "merge" not in str(caught.value)

@@ -21,11 +21,13 @@ from app.export.unfinished import Cancelled, Progress, check_cancelled, unfinish
 from app.formatting import html_text, note_html, table_row
 from app.modes.label.sources import LabelSource
 from core.errors import CommandError, LabelError
+from core.files import file_stem
 from core.recordings import Recording
 from labels.formats import FORMATS, ExportOptions, LabelSet
 from labels.formats.exchange import Imported
 from labels.formats.import_check import ImportChoices, import_context, import_labels
 from labels.formats.import_report import ImportReport, describe_label, report_of
+from labels.formats.picture_names import own_camera
 from labels.formats.picture_times import FrameTimes, read_frame_times
 from labels.formats.pictures import draw_events, write_pictures, write_pngs
 from labels.model import ContactLabel, Label
@@ -65,6 +67,8 @@ class LabelFiles:
     pictures: tuple[Path, ...]
     losses: tuple[str, ...]
     contacts: int = 0
+    earlier: tuple[Path, ...] = ()
+    """Files of this camera that an earlier export has left there, and an import would read."""
 
 
 def write_label_files(
@@ -77,6 +81,7 @@ def write_label_files(
         LabelError: if they cannot be written, or the format cannot hold them.
     """
     kind, source, labels = FORMATS[request.format], request.source, request.labels
+    before = _files_of_camera(out, source.name)
     if request.pictures and not kind.pictures:
         raise CommandError(f"{kind.name} has no pictures", where="--pictures")
     frames_us = request.frames_us if source.frames_us is None else tuple(source.frames_us.tolist())
@@ -90,7 +95,15 @@ def write_label_files(
         pictures = write_pictures(source.stream, labels, out, window_us=request.window_us, progress=progress)
     elif request.pictures:
         pictures = write_frames(source, labels, out, progress)
-    return LabelFiles(len(labels), written.files, pictures, losses, len(contacts))
+    earlier = tuple(sorted(before - {*written.files, *pictures}))
+    return LabelFiles(len(labels), written.files, pictures, losses, len(contacts), earlier)
+
+
+def _files_of_camera(folder: Path, camera: str) -> set[Path]:
+    """The files that are named for one label of a camera, or for its contacts."""
+    contacts = f"{file_stem(camera)}.contacts.csv"
+    files = folder.rglob("*") if folder.is_dir() else ()
+    return {file for file in files if own_camera(file.stem) == camera or file.name == contacts}
 
 
 def zip_label_files(request: LabelFilesRequest, path: Path, progress: Progress, cancelled: Cancelled) -> LabelFiles:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -168,7 +169,7 @@ def test_several_recordings_are_scored_one_by_one_and_together_however_they_are_
         (["export", "--camera", "left", "--format", "voc", "--out", "o", "--annotator", "zoe"], "no labels by 'zoe'"),
         (["export", "--camera", "right", "--format", "voc", "--out", "o"], "no labels of camera 'right'"),
         (["score", "--camera", "left", "--annotator", "zoe"], "no labels by 'zoe'"),
-        (["agree", "--camera", "left"], "no labels"),
+        (["agree", "--camera", "left"], "no second looks; got nothing by 'anna'"),
         (["agree", "--camera", "left", "--with", "zoe"], "no labels"),
         (["export", "--camera", "left", "--format", "paper", "--out", "o"], "invalid choice"),
         (["export", "--camera", "left", "--format", "csv", "--out", "o", "--pictures"], "no pictures"),
@@ -222,8 +223,11 @@ def test_agreement_about_nothing_is_said_in_words(
 def test_whose_labels_has_to_be_said_when_there_are_several(
     capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path
 ) -> None:
-    LabelStore.open(data / "labels", UUID, "left", "bea").close()
-    code, _, err = call(capsys, "export", *common(recording, data), "--format", "csv", "--out", tmp_path / "o")
+    words = ("export", *common(recording, data), "--format", "csv", "--out", tmp_path / "o")
+    with LabelStore.open(data / "labels", UUID, "left", "bea") as store:
+        assert call(capsys, *words)[0] == 0, "who has only begun a layer has said nothing"
+        store.put(Label(t_us=7, state=LabelState.NO_BALL))
+    code, _, err = call(capsys, *words)
     assert code == 2
     assert "--annotator with one of anna, bea" in err
 
@@ -331,8 +335,11 @@ def test_a_shift_of_labels_against_the_events_is_measured_and_applied(
             for t, u, v, r in zip(*columns, strict=True)
             if t >= 6000
         ]
+        bounce = ContactLabel(
+            t_us=20_000, kind=ContactKind.BOUNCE, provenance=Provenance(window_us=(19_000, 21_000), made_at_us=5)
+        )
         with LabelStore.open(tmp_path / "labels", recording.uuid, "left", "anna") as store:
-            store.edit(put=labels)
+            store.edit(put=labels, put_contacts=[bounce])
         uuid = recording.uuid
     words = [serve_recording, "--camera", "left", "--data", tmp_path, "--method", "refined", "--json"]
     code, text, _ = call(capsys, "shift", *words, "--apply")
@@ -348,6 +355,10 @@ def test_a_shift_of_labels_against_the_events_is_measured_and_applied(
     moved = LabelStore.read(tmp_path / "labels", layer).all()
     assert len(moved) == len(labels)
     assert moved[0].x_px == pytest.approx(labels[0].x_px + found["du_px"])
+    (contact,) = LabelStore.read(tmp_path / "labels", layer).contacts()
+    later_us = round(found["dt_us"])
+    assert contact.t_us == 20_000 + later_us
+    assert contact.provenance.window_us == (19_000 + later_us, 21_000 + later_us)
     code, _, err = call(capsys, "shift", *words, "--annotator", "anna", "--apply")
     assert code == 2
     assert "there are moved labels already" in err
@@ -406,3 +417,88 @@ def test_contacts_go_out_come_back_and_are_compared(
     assert (tmp_path / "out" / "left.contacts.csv").read_text().splitlines()[1].startswith(f"{MIDDLE_US},bounce,")
     losses = json.loads(call(capsys, *words, "--format", "tracknet", "--json")[1])["losses"]
     assert "2 x contact (bounce, hit, net)" in losses
+
+
+@pytest.mark.parametrize("name", ["csv", "json", "coco", "voc", "yolo", "cvat"])
+def test_labels_of_another_camera_are_not_taken(
+    capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path, name: str
+) -> None:
+    out = tmp_path / "out"
+    assert call(capsys, "export", *common(recording, data), "--format", name, "--out", out)[0] == 0
+    words = (recording, "--camera", "right", "--data", data, "--annotator", "bea", "--format", name)
+    code, _, err = call(capsys, "import", out, *words)
+    assert code == 2 and re.search("of another camera|a picture of camera 'left'", err) and "\n" not in err.strip()
+    # Nobody has said anything by that: `anna` is still the only one.
+    code, text, _ = call(capsys, "export", *common(recording, data), "--format", "csv", "--out", tmp_path / "again")
+    assert code == 0 and text.startswith("9 labels")
+
+
+@pytest.mark.parametrize("name", ["json", "coco", "hdf5"])
+def test_labels_of_another_recording_are_noted(
+    capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path, clip, name: str
+) -> None:
+    out = tmp_path / ("out.h5" if name == "hdf5" else "out")
+    assert call(capsys, "export", *common(recording, data), "--format", name, "--out", out)[0] == 0
+    other = tmp_path / "other.h5"
+    with RecordingWriter(other, {"left": SENSOR}, uuid="22222222-2222-4333-8444-555555555555") as writer:
+        writer.append("left", clip.events)
+    code, text, _ = call(capsys, "import", out, *common(other, data), "--format", name)
+    assert code == 0 and text.startswith("9 labels imported") and "says that it is of another recording" in text
+    code, text, _ = call(capsys, "import", out, *common(recording, data), "--annotator", "bea", "--format", name)
+    assert code == 0 and "another recording" not in text
+
+
+def test_a_header_in_capitals_is_read_as_ours(
+    capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path
+) -> None:
+    table = tmp_path / "a.csv"
+    table.write_text("T_us,State,X_px,Y_px\n7,visible,2,2\n8,occluded,3,3\n9,no_ball,,\n")
+    code, text, _ = call(capsys, "import", table, *common(recording, data), "--format", "csv", "--check", "--json")
+    assert code == 0 and json.loads(text)["states"] == {"visible": 1, "occluded": 1, "no_ball": 1}
+
+
+def test_nothing_is_measured_or_written_of_what_is_left_of_a_damaged_store(
+    capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path
+) -> None:
+    with LabelStore.open(data / "labels", UUID, "left", "anna") as store:
+        for t_us in range(2000):  # so that there are pages behind the first
+            store.put(Label(t_us=t_us, state=LabelState.NO_BALL))
+        path = store.path
+    content = bytearray(path.read_bytes())
+    middle = len(content) // 2 // 4096 * 4096
+    content[middle : middle + 4096] = b"\xff" * 4096
+    path.write_bytes(content)
+    for words in (("export", "--format", "csv", "--out", tmp_path / "out"), ("score",), ("agree", "--with", "anna")):
+        code, out, err = call(capsys, words[0], *common(recording, data), *words[1:])
+        assert code == 2 and not out and "damaged" in err and "labels merge" in err
+    assert call(capsys, "merge", path, "--out", tmp_path / "saved.sqlite")[0] == 0
+
+
+def test_files_that_an_earlier_export_has_left_are_told(
+    capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    assert call(capsys, "export", *common(recording, data), "--format", "yolo", "--out", out)[0] == 0
+    with LabelStore.open(data / "labels", UUID, "left", "anna") as store:
+        store.edit(delete=[MIDDLE_US])
+    code, text, _ = call(capsys, "export", *common(recording, data), "--format", "yolo", "--out", out)
+    assert code == 0 and "1 file of an earlier export still there, and read with these" in text
+    code, text, _ = call(capsys, "export", *common(recording, data), "--format", "yolo", "--out", out, "--json")
+    assert [Path(file).stem for file in json.loads(text)["earlier"]] == [f"left_t{MIDDLE_US:012d}us"]
+
+
+@pytest.mark.parametrize("name", ["tracknet", "cvat"])
+def test_a_second_camera_does_not_write_over_the_times_or_labels_of_the_first(
+    capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path, name: str
+) -> None:
+    with LabelStore.open(data / "labels", UUID, "right", "anna") as store:
+        store.put(Label(t_us=7, state=LabelState.VISIBLE, x_px=3.0, y_px=4.0, r_px=2.0))
+    out = tmp_path / "out"
+    assert call(capsys, "export", *common(recording, data), "--format", name, "--out", out)[0] == 0
+    before = {file: file.read_bytes() for file in out.iterdir()}
+    words = (recording, "--camera", "right", "--data", data, "--format", name)
+    code, _, err = call(capsys, "export", *words, "--out", out)
+    assert code == 2 and "give each camera a folder of its own" in err
+    assert before == {file: file.read_bytes() for file in out.iterdir()}
+    assert call(capsys, "export", *words, "--out", tmp_path / "right")[0] == 0
+    assert call(capsys, "export", *common(recording, data), "--format", name, "--out", out)[0] == 0, "the same again"
