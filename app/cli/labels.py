@@ -131,9 +131,9 @@ def run_import(arguments: LabelImportArguments) -> None:
             which = f" ({others})" if len(report.rejected) > 1 else ""
             raise LabelError(f"nothing could be imported, {len(rejections)} rejected{which}", got=rejections[0])
         if arguments.check:
-            known, said = _said(layer.folder, recording.uuid, stream.name, annotator)
+            known, known_contacts = _stored(layer.folder, recording.uuid, stream.name, annotator)
             new = [label for label in found.labels if arguments.replace or label.t_us not in known]
-            contacts = new_contacts(found.contacts, said, replace=arguments.replace)
+            contacts = new_contacts(found.contacts, known_contacts, replace=arguments.replace)
         else:
             tool = f"rallyscope {version('rallyscope')}"
             with LabelStore.open(layer.folder, recording.uuid, stream.name, annotator, tool=tool) as store:
@@ -163,7 +163,7 @@ def run_import(arguments: LabelImportArguments) -> None:
     )
 
 
-def _said(folder: Path, uuid: str, camera: str, annotator: str) -> tuple[set[int], tuple[ContactLabel, ...]]:
+def _stored(folder: Path, uuid: str, camera: str, annotator: str) -> tuple[set[int], tuple[ContactLabel, ...]]:
     """Times of an annotator's labels of a camera, and the contacts; no store is made where there is none."""
     wanted = Layer(uuid, camera, annotator, False)
     if wanted not in find_layers(folder, uuid):

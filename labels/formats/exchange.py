@@ -135,7 +135,7 @@ class ImportContext:
     other_cameras: tuple[str, ...] = ()
     """The other cameras of the recording: pictures and files of theirs are refused."""
     recording_uuid: str = ""
-    """Of which recording; empty: not known."""
+    """The recording; empty: not known."""
     end_us: int | None = None
     """Where the recording ends."""
     events_between: Callable[[int, int], Events] | None = None

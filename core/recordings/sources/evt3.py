@@ -60,14 +60,20 @@ def start_state(words: np.ndarray) -> np.ndarray:
 
 
 @njit
-def _is_padding(words, at):
-    """Whether a word of zeros is one of many in a row, where a camera would name row 0 once."""
+def _row(words, at, state):
+    """The row that a word names; none where it is one of many zeros in a row: a camera would name row 0 once."""
+    word = np.int64(words[at])
+    if word != 0:
+        return word & 0x7FF
     start, end = at, at + 1
     while start > 0 and at - start < _PADDING and words[start - 1] == 0:
         start -= 1
     while end < len(words) and end - start < _PADDING and words[end] == 0:
         end += 1
-    return end - start >= _PADDING
+    if end - start < _PADDING:
+        return word
+    state[RESERVED] += 1
+    return np.int64(NO_ROW)
 
 
 @njit
@@ -139,10 +145,7 @@ def decode_evt3(words, state, width, height, out):  # noqa: C901 (one branch for
                     low, now = value, epoch + (high << 12) + value
                     _hold(t, events, now)
         elif kind == ADDR_Y:
-            row = word & 0x7FF
-            if word == 0 and _is_padding(words, i):
-                state[RESERVED] += 1
-                row = NO_ROW  # the next row that is named counts
+            row = _row(words, i, state)
         elif kind == TIME_HIGH:
             value = word & 0xFFF
             if value != high:
