@@ -15,7 +15,7 @@ import numpy as np
 
 from app.cli.arguments import PositiveInt, flag, positional
 from app.cli.labels_contacts import run_contacts
-from app.cli.labels_layer import Labelled, LayerArguments, read_layer, read_whole
+from app.cli.labels_layer import Labelled, LayerArguments, check_name, read_layer, read_whole
 from app.cli.labels_merge import run_merge
 from app.cli.labels_score import run_score
 from app.cli.labels_shift import run_shift
@@ -110,6 +110,7 @@ def run_import(arguments: LabelImportArguments) -> None:
         if not arguments.source.exists():
             raise CommandError("no such file or folder", where=arguments.source)
         annotator = layer.annotator or "imported"
+        check_name(layer.folder, recording, annotator, "--annotator")
         choices = ImportChoices(
             times=_frame_times(arguments.frame_times, stream),
             ball_class=arguments.ball_class,

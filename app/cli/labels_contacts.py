@@ -11,7 +11,7 @@ from typing import Final
 
 from app.cli.arguments import DATA, PositiveInt, flag, positional
 from app.cli.detector_arguments import MethodArguments
-from app.cli.labels_layer import LayerArguments, read_layers
+from app.cli.labels_layer import LayerArguments, check_name, read_layers
 from app.cli.progress import progress_bar
 from app.formatting import share_text
 from core.errors import CommandError
@@ -122,6 +122,7 @@ def _calibrated(stream: CameraStream):
 def _store(arguments: LabelContactsArguments, recording: Recording, found: tuple[ContactLabel, ...], name: str) -> int:
     """Store them in one step; those that are there already are left as they are."""
     camera, tool = next(iter(recording.cameras)), f"rallyscope {version('rallyscope')}"
+    check_name(arguments.data / "labels", recording, name, "--save-as")
     with LabelStore.open(arguments.data / "labels", recording.uuid, camera, name, tool=tool) as store:
         # Nobody has accepted them: they come from elsewhere, as imported labels do.
         made = (

@@ -93,6 +93,13 @@ def read_whole(folder: Path, layer: Layer) -> LabelStore:
         raise CommandError(store.notes[0], remedy=f"rallyscope labels merge {store.path} --out NEW.sqlite saves them")
 
 
+def check_name(folder: Path, recording: Recording, name: str, where: str) -> None:
+    """Raises CommandError if somebody of this name in other letters has labels: the app takes both for one person."""
+    for known in find_annotators(folder, recording.uuid):
+        if known != name and known.casefold() == name.casefold():
+            raise CommandError("a name in other letters", expected=f"{known!r}, who has labels", got=name, where=where)
+
+
 def read_layer(arguments: LayerArguments, recording: Recording, stream: Labelled) -> LabelStore:
     """The layer that is meant; raises CommandError."""
     (store,) = read_layers(arguments.folder, recording, (stream.name,), arguments.annotator)

@@ -31,6 +31,7 @@ SMALLEST_PX = 0.5
 NO_TIME = -(2**63)
 """In a table of times, of a number that it does not list."""
 MAX_FILE_BYTES = 1 << 30
+_STATED_SEPARATOR = re.compile(r'"?sep=([,;\t|])"?', re.IGNORECASE)
 _VALUES = re.compile(r"'[^']*'|\"[^\"]*\"|[-+]?\d+(\.\d+)?")
 
 
@@ -428,9 +429,9 @@ def read_text(file: Path, collector: Collector) -> str | None:
 
 def table_rows(text: str, file: Path, collector: Collector) -> Iterator[tuple[int, list[str]]]:
     """Rows of a CSV text that are not empty, with their line numbers; what follows one that is none is rejected."""
+    text, delimiter = without_remarks(text)
     # Every kind of line end becomes one that the reader knows.
     lines = io.StringIO(text.replace("\0", "\ufffd"), newline=None)
-    delimiter = separator_of(text)
     reader = csv.reader(lines, delimiter=delimiter)
     try:
         width = 0
@@ -444,6 +445,27 @@ def table_rows(text: str, file: Path, collector: Collector) -> Iterator[tuple[in
                 yield reader.line_num, whole
     except csv.Error as error:
         collector.reject(file, reader.line_num + 1, f"not CSV from here on: {error}")
+
+
+def without_remarks(text: str) -> tuple[str, str]:
+    """A table whose first lines say nothing of it, emptied so that lines keep their numbers, and its separator.
+
+    Excel is told the separator by a line `sep=;`, and many programs write remarks behind `#`. NumPy writes the names of
+    the columns like that: they are the last such line if it has as many fields as the row below it.
+    """
+    if not text.startswith("#") and _STATED_SEPARATOR.match(text) is None:
+        return text, separator_of(text)
+    lines, first, separator = text.split("\n"), 0, None
+    if (stated := _STATED_SEPARATOR.fullmatch(lines[0].strip())) is not None:
+        separator, lines[0], first = stated[1], "", 1
+    end = next((at for at in range(first, len(lines)) if not lines[at].startswith("#")), len(lines))
+    below = "\n".join(lines[end:])
+    separator = separator or separator_of(below)
+    for at in range(first, end):
+        names = lines[at].lstrip("#").strip()
+        is_header = at == end - 1 and names.count(separator) == below.partition("\n")[0].count(separator) > 0
+        lines[at] = names if is_header and re.match(r"\s*[-+.\d]", below) else ""
+    return "\n".join(lines), separator
 
 
 def add_rows(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from core.errors import LabelError
-from labels.formats.exchange import finite
+from labels.formats.exchange import finite, whole_number
 from labels.model import ContactKind, ContactLabel, Label, LabelState, PositionSource, Provenance
 
 Value = int | float | str | None
@@ -92,7 +92,7 @@ def contact_of_row(row: dict[str, str], origin: str) -> ContactLabel:
     if kind not in tuple(ContactKind):
         raise LabelError("unknown kind of contact", expected=f"one of {', '.join(ContactKind)}", got=repr(kind)[:80])
     return ContactLabel(
-        t_us=_whole(row["t_us"], "t_us"),
+        t_us=whole_number(row["t_us"], "t_us"),
         kind=ContactKind(kind),
         sigma_us=finite(row["sigma_us"], "sigma_us") if row.get("sigma_us") else None,
         provenance=_provenance_of(row, origin),
@@ -112,7 +112,7 @@ def label_of_row(row: dict[str, str], origin: str) -> Label:
     xx, xy, yy = number("cov_xx_px2"), number("cov_xy_px2"), number("cov_yy_px2")
     covariance = None if xx is None or xy is None or yy is None else (xx, xy, yy)
     return Label(
-        t_us=_whole(row["t_us"], "t_us"),
+        t_us=whole_number(row["t_us"], "t_us"),
         state=_state(row["state"]),
         x_px=number("x_px"),
         y_px=number("y_px"),
@@ -124,7 +124,7 @@ def label_of_row(row: dict[str, str], origin: str) -> Label:
 
 def _provenance_of(row: dict[str, str], origin: str) -> Provenance:
     def whole(name: str, default: int = 0) -> int:
-        return _whole(row[name], name) if row.get(name) else default
+        return whole_number(row[name], name) if row.get(name) else default
 
     window = None
     if row.get("window_start_us") and row.get("window_end_us"):
@@ -146,10 +146,3 @@ def _state(text: str) -> LabelState:
         return LabelState(text)
     except ValueError as error:
         raise LabelError("unknown state", expected=f"one of {', '.join(LabelState)}", got=repr(text)[:80]) from error
-
-
-def _whole(text: str, name: str) -> int:
-    try:
-        return int(text)
-    except ValueError as error:
-        raise LabelError(f"{name} is not a whole number", got=repr(text)[:80]) from error

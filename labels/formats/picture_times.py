@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import LabelError
-from core.foreign_tables import separator_of, split_unit, with_point
-from labels.formats.exchange import NO_TIME, Collector, ImportContext, read_text, whole_number
+from core.foreign_tables import split_unit, with_point
+from labels.formats.exchange import NO_TIME, Collector, ImportContext, read_text, whole_number, without_remarks
 from labels.formats.picture_names import PictureNumbers, other_camera_in, own_time, stem_of
 
 NAME_COLUMNS: Final = ("name", "file_name", "filename", "file name", "file", "picture", "image")
@@ -47,8 +47,9 @@ def read_frame_times(path: Path) -> FrameTimes:
     if text is None:
         raise LabelError("cannot read the frame times", got=str(collector.done().rejections[0]))
     try:
+        text, delimiter = without_remarks(text)
         lines = io.StringIO(text, newline=None)
-        table = [[field.strip() for field in row] for row in csv.reader(lines, delimiter=separator_of(text)) if row]
+        table = [[field.strip() for field in row] for row in csv.reader(lines, delimiter=delimiter) if row]
     except csv.Error as error:
         raise LabelError("not a table of frame times", got=error, where=path) from error
     header, rows = ([name.lower() for name in table[0]], table[1:]) if table else ([], [])

@@ -448,6 +448,17 @@ def test_labels_of_another_recording_are_noted(
     assert code == 0 and "another recording" not in text
 
 
+def test_a_name_in_other_letters_is_no_second_person(
+    capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path
+) -> None:
+    table = tmp_path / "a.csv"
+    table.write_text("t_us,state,x_px,y_px\n7,visible,2,2\n")
+    words = ("import", table, *common(recording, data), "--format", "csv", "--annotator")
+    code, _, err = call(capsys, *words, "Anna")
+    assert code == 2 and "a name in other letters; expected 'anna', who has labels, got Anna" in err
+    assert call(capsys, *words, "anna")[0] == 0
+
+
 def test_a_header_in_capitals_is_read_as_ours(
     capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path
 ) -> None:
@@ -502,3 +513,40 @@ def test_a_second_camera_does_not_write_over_the_times_or_labels_of_the_first(
     assert before == {file: file.read_bytes() for file in out.iterdir()}
     assert call(capsys, "export", *words, "--out", tmp_path / "right")[0] == 0
     assert call(capsys, "export", *common(recording, data), "--format", name, "--out", out)[0] == 0, "the same again"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "sep=;\nt_us;state;x_px;y_px\n7;visible;2,5;2\n9;no_ball;;\n",
+        '"sep=,"\r\nt_us,state,x_px,y_px\r\n7,visible,2.5,2\r\n9,no_ball,,\r\n',
+        "# by somebody, in May\n#\nt_us,state,x_px,y_px\n7,visible,2.5,2\n9,no_ball,,\n",
+        "# by somebody\n# t_us,state,x_px,y_px\n7,visible,2.5,2\n9,no_ball,,\n",
+        "t_us,state,x_px,y_px,window_start_us,window_end_us\n7,visible,2.5,2,1.0,9.0\n9.0,no_ball,,,,\n",
+    ],
+)
+def test_tables_of_spreadsheets_and_numpy(
+    capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path, text: str
+) -> None:
+    table = tmp_path / "a.csv"
+    table.write_bytes(text.encode())
+    code, out, err = call(capsys, "import", table, *common(recording, data), "--format", "csv", "--check", "--json")
+    assert code == 0, err
+    found = json.loads(out)
+    assert found["states"] == {"visible": 1, "no_ball": 1} and not found["rejected"]
+    assert found["examples"][0]["x_px"] == 2.5 and (found["first_us"], found["last_us"]) == (7, 9)
+
+
+def test_a_line_that_is_rejected_below_remarks_has_its_number(
+    capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path
+) -> None:
+    table = tmp_path / "a.csv"
+    table.write_text("# one\n# two\nt_us,state,x_px,y_px\n7,visible,1,1\n8,visible,x,2\n")
+    code, out, _ = call(capsys, "import", table, *common(recording, data), "--format", "csv", "--check")
+    assert code == 0 and f"{table}:5: " in out
+    times = tmp_path / "times.csv"
+    times.write_text("sep=;\nframe;t_us\n0;1000\n1;2000\n")
+    track = tmp_path / "track.csv"
+    track.write_text("frame,x,y\n0,5,6\n1,7,8\n")
+    words = ("--format", "csv", "--frame-times", times, "--check")
+    assert call(capsys, "import", track, *common(recording, data), *words)[1].startswith("2 labels would be imported")
