@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from app.modes.label.label_picture import HEIGHT_PX
+from app.modes.label.label_picture import GAP_PX, HEIGHT_PX, MAIN_WIDTH_PX, choose_side_layout
 from app.modes.label.labelling import DEFAULT_STEP_US
-from app.modes.label.pictures import GAP_PX
 from app.views.image_view import framing, free_share
 from benchmarks.app.bare_browser import WINDOW, measuring_browser
 from benchmarks.app.label_user_exports import check_exports, checks_text
@@ -228,12 +227,19 @@ class _User:
         """CSS pixels of a sensor point, with the whole sensor in the large picture."""
         box = self._page.locator("canvas").first.bounding_box()
         assert box is not None
-        width, height = self._size.width_px, self._size.height_px
-        main = round(1280 * height / width)
-        sheet = main + GAP_PX + HEIGHT_PX + GAP_PX + round(634 * height / width)
-        visible, middle = framing(1280, sheet, box["width"] / box["height"], free_share(WINDOW[1], None))
-        scale = box["height"] / visible
-        x, y = (x_px + 0.5) * 1280 / width - 640, (y_px + 0.5) * 1280 / width - middle
+        ratio = self._size.height_px / self._size.width_px
+        aspect, share = box["width"] / box["height"], free_share(WINDOW[1], None)
+        # Below or beside it stand the whole picture and the other camera.
+        free_aspect = round(20 * aspect / (1 - share)) / 20
+        sides = choose_side_layout(2, ratio, MAIN_WIDTH_PX * ratio + HEIGHT_PX + 2 * GAP_PX, free_aspect)
+        main, side = round(MAIN_WIDTH_PX * ratio) + GAP_PX + HEIGHT_PX, round(sides.width_px * ratio)
+        if sides.beside:
+            sheet = MAIN_WIDTH_PX + GAP_PX + sides.width_px, max(main, 2 * side + GAP_PX)
+        else:
+            sheet = MAIN_WIDTH_PX, main + GAP_PX + side
+        visible, middle = framing(*sheet, aspect, share)
+        scale, drawn = box["height"] / visible, MAIN_WIDTH_PX / self._size.width_px
+        x, y = (x_px + 0.5) * drawn - sheet[0] / 2, (y_px + 0.5) * drawn - middle
         return box["x"] + box["width"] / 2 + x * scale, box["y"] + box["height"] / 2 + y * scale
 
 
