@@ -121,10 +121,8 @@ class _User:
         self._label_until(count)
 
     def score(self) -> int:
-        """Score the config in Tune; how many labels it was scored against."""
-        self._press("Tune")
-        self._page.get_by_role("tab", name="Score").click()
-        self._press("Score this config on the whole recording")
+        """Score the detector against the labels; how many labels it was scored against."""
+        self._press("Score the detector")
         self._page.wait_for_function(f"{SCORED_JS} > 0", timeout=120_000)
         return int(self._page.evaluate(SCORED_JS))
 

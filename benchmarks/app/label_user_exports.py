@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 ROUNDED_PX: Final = 0.71
 """The farthest that rounding to whole pixels moves a centre."""
 EXACT_PX: Final = 0.01
-ROUNDED: Final = ("tracknet", "voc by LabelImg", "yolo by LabelImg")
+ROUNDED: Final = ("tracknet", "openttgames", "voc by LabelImg", "yolo by LabelImg")
 
 
 @dataclass(frozen=True, slots=True)
