@@ -20,6 +20,7 @@ from core.files import replacing
 from labels.conflicts import WITHIN_PX, LabelConflict, find_conflicts
 from labels.contacts import ContactConflict, find_contact_conflicts, match_contacts
 from labels.database.connection import open_to_write, sqlite_errors, transaction
+from labels.database.contact_rows import DeletedTimes
 from labels.database.edit_log import Writer, add_edit, make_layer
 from labels.database.folder import Layer
 from labels.database.rows import MERGE_TOOL
@@ -57,10 +58,8 @@ class _Accumulator:
     first: dict[Layer, dict[int, Label]] = field(default_factory=lambda: defaultdict(dict))
     """What was said before a conflict was settled."""
     contacts: dict[Layer, tuple[ContactLabel, ...]] = field(default_factory=dict)
-    deleted_us: dict[Layer, tuple[dict[int, int], dict[int, int]]] = field(
-        default_factory=lambda: defaultdict(lambda: ({}, {}))
-    )
-    """Times of labels, and of contacts, that were deleted in a store, with when they were: the latest."""
+    deleted: dict[Layer, DeletedTimes] = field(default_factory=lambda: defaultdict(lambda: DeletedTimes({}, {})))
+    """With the latest time at which each was."""
     superseded: int = 0
     notes: list[str] = field(default_factory=list)
 
@@ -85,13 +84,13 @@ class _Accumulator:
         kept = [*(known[row] for row in old), *(contacts[row] for row in new)]
         self.contacts[layer] = tuple(sorted(kept, key=lambda contact: contact.t_us))
 
-    def add_deleted(self, layer: Layer, deleted_us: tuple[dict[int, int], dict[int, int]]) -> None:
-        for known, found in zip(self.deleted_us[layer], deleted_us, strict=True):
+    def add_deleted(self, layer: Layer, deleted: DeletedTimes) -> None:
+        for known, found in zip(self.deleted[layer], deleted, strict=True):
             known.update({t_us: max(at_us, known.get(t_us, at_us)) for t_us, at_us in found.items()})
 
     def take_deleted_out(self) -> None:
         """What was said in one store and deleted later in another is no longer said."""
-        for layer, (labels_us, contacts_us) in self.deleted_us.items():
+        for layer, (labels_us, contacts_us) in self.deleted.items():
             gone = [one for one in self.labels[layer].values() if _is_older(one, labels_us)]
             for label in gone:
                 del self.labels[layer][label.t_us]
@@ -205,7 +204,7 @@ def _add_source(source: Path, pile: _Accumulator) -> str:
         pile.add(layer, labels.values())
         pile.add_first(layer, found.first[layer].values())
         pile.add_contacts(layer, found.contacts[layer])
-        pile.add_deleted(layer, found.deleted_us[layer])
+        pile.add_deleted(layer, found.deleted[layer])
     pile.notes += found.notes
     return found.recording_uuid
 

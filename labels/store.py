@@ -32,7 +32,13 @@ from labels.database.connection import (
     transaction,
     work_in_log,
 )
-from labels.database.contact_rows import contact_deletions, contact_of, current_contacts, current_rejections
+from labels.database.contact_rows import (
+    DeletedTimes,
+    contact_of,
+    current_contacts,
+    current_rejections,
+    deleted_times,
+)
 from labels.database.edit_log import (
     SessionHistory,
     UndoStep,
@@ -52,7 +58,6 @@ from labels.database.rows import (
     changes_since,
     current_arrays,
     current_rows,
-    deletions,
     label_of,
     times_by_others,
     value_at,
@@ -192,6 +197,7 @@ class LabelStore:
         if not path.is_file() and not journal.is_file():
             raise _no_labels(layer, path)
         notes: tuple[str, ...] = ()
+        is_damaged = False
         if journal.is_file():
             reader, notes = read_with_journal(path, layer, journal)
         else:
@@ -201,10 +207,10 @@ class LabelStore:
                 return store
             except DamagedStoreError:
                 reader, notes = salvage(path)
-                store = cls(layer, path, reader, notes)
-                store.is_damaged = True
-                return store
-        return cls(layer, path, reader, notes)
+                is_damaged = True
+        store = cls(layer, path, reader, notes)
+        store.is_damaged = is_damaged
+        return store
 
     @property
     def version(self) -> int:
@@ -346,11 +352,11 @@ class LabelStore:
             before = values_before_settling(self._reader, self._number, upto=self._seen)
         return tuple(label_of(t_us, values) for t_us, values in before if values is not None)
 
-    def deleted_us(self) -> tuple[dict[int, int], dict[int, int]]:
-        """Times of labels, and of contacts, that were deleted, with when they were, us since 1970."""
+    def deleted(self) -> DeletedTimes:
+        """What was taken away."""
         with self._lock, sqlite_errors(self.path, "cannot read the labels"):
             self._refresh()
-            return deletions(self._reader, self._number), contact_deletions(self._reader, self._number)
+            return deleted_times(self._reader, self._number)
 
     def all(self) -> tuple[Label, ...]:
         """All labels with their provenance, by time."""

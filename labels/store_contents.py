@@ -11,11 +11,11 @@ from urllib.parse import unquote
 
 from core.errors import LabelError
 from labels.database.connection import DamagedStoreError, open_to_read, sqlite_errors
-from labels.database.contact_rows import contact_deletions, contact_of, current_contacts
+from labels.database.contact_rows import DeletedTimes, contact_of, current_contacts, deleted_times
 from labels.database.edit_log import NEWEST
 from labels.database.folder import Layer, store_path
 from labels.database.reading import salvage
-from labels.database.rows import Values, current_rows, deletions, label_of, values_before_settling
+from labels.database.rows import Values, current_rows, label_of, values_before_settling
 from labels.database.schema import recording_of
 from labels.model import ContactLabel, Label
 from labels.store import LabelStore, find_layers
@@ -34,8 +34,8 @@ class StoreContents:
     """What could not be read."""
     contacts: Mapping[Layer, tuple[ContactLabel, ...]] = field(default_factory=dict)
     """By time; every layer has an entry."""
-    deleted_us: Mapping[Layer, tuple[dict[int, int], dict[int, int]]] = field(default_factory=dict)
-    """Times of labels, and of contacts, that were deleted, with when they were; every layer has an entry."""
+    deleted: Mapping[Layer, DeletedTimes] = field(default_factory=dict)
+    """Every layer has an entry."""
 
 
 def read_store(source: Path) -> StoreContents:
@@ -102,14 +102,14 @@ def _read_folder(folder: Path) -> StoreContents:
     found: dict[Layer, dict[int, Label]] = {}
     first: dict[Layer, dict[int, Label]] = {}
     contacts: dict[Layer, tuple[ContactLabel, ...]] = {}
-    deleted: dict[Layer, tuple[dict[int, int], dict[int, int]]] = {}
+    deleted: dict[Layer, DeletedTimes] = {}
     notes: list[str] = []
     for layer in layers:
         with LabelStore.read(folder.parent, layer) as store:
             found[layer] = {label.t_us: label for label in store.all()}
             first[layer] = {label.t_us: label for label in store.before_settling()}
             contacts[layer] = store.contacts()
-            deleted[layer] = store.deleted_us()
+            deleted[layer] = store.deleted()
         notes += [note for note in store.notes if note not in notes]
     return StoreContents(uuid, found, first, tuple(notes), contacts, deleted)
 
@@ -118,7 +118,7 @@ def _read_database(db: sqlite3.Connection, path: Path, notes: tuple[str, ...]) -
     found: dict[Layer, dict[int, Label]] = {}
     first: dict[Layer, dict[int, Label]] = {}
     contacts: dict[Layer, tuple[ContactLabel, ...]] = {}
-    deleted: dict[Layer, tuple[dict[int, int], dict[int, int]]] = {}
+    deleted: dict[Layer, DeletedTimes] = {}
     all_notes = list(notes)
     with sqlite_errors(path, "cannot read the labels"):
         uuid = recording_of(db, path)
@@ -129,7 +129,7 @@ def _read_database(db: sqlite3.Connection, path: Path, notes: tuple[str, ...]) -
             before = values_before_settling(db, number, upto=NEWEST)
             first[layer] = _readable_labels(before, path, all_notes)
             contacts[layer] = _readable_contacts(current_contacts(db, number, upto=NEWEST), path, all_notes)
-            deleted[layer] = deletions(db, number), contact_deletions(db, number)
+            deleted[layer] = deleted_times(db, number)
     return StoreContents(uuid, found, first, tuple(all_notes), contacts, deleted)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from importlib.metadata import version
-from typing import TypeVar
 
 import numpy as np
 
@@ -19,10 +18,8 @@ from core.errors import CommandError
 from core.metrics import run_detector
 from core.text import counted
 from labels.assist.label_shift import LabelShift, find_label_shift
-from labels.model import ContactLabel, Label
-from labels.store import LabelStore
-
-AnyLabel = TypeVar("AnyLabel", Label, ContactLabel)
+from labels.model import Label
+from labels.store import AnyLabel, LabelStore
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from typing import Final
+from typing import Final, NamedTuple
 
 from core.errors import LabelError
 from labels.database.rows import PROVENANCE_COLUMNS, Values, deletions, provenance_of, values_of_provenance
@@ -69,9 +69,17 @@ def current_contacts(db: sqlite3.Connection, layer: int, *, upto: int) -> list[t
     return [(row[0], row[2:]) for row in rows]
 
 
-def contact_deletions(db: sqlite3.Connection, layer: int) -> dict[int, int]:
-    """Times whose contact was taken away, with when that was."""
-    return deletions(db, layer, "contact_changes", "kind") if holds_contacts(db) else {}
+class DeletedTimes(NamedTuple):
+    """Times of labels, and of contacts, that were taken away, with when they were, us since 1970."""
+
+    labels_us: dict[int, int]
+    contacts_us: dict[int, int]
+
+
+def deleted_times(db: sqlite3.Connection, layer: int) -> DeletedTimes:
+    """What of a layer was taken away."""
+    contacts_us = deletions(db, layer, "contact_changes", "kind") if holds_contacts(db) else {}
+    return DeletedTimes(deletions(db, layer), contacts_us)
 
 
 def contact_at(db: sqlite3.Connection, layer: int, t_us: int, *, upto: int) -> Values | None:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from core.errors import RecordingError
 from core.recordings.sources.ros.bags import Topic
 from core.recordings.sources.source import Columns
+from core.text import compression_of
 
 ARRAY_TYPES: Final = ("dvs_msgs/msg/EventArray", "prophesee_event_msgs/msg/EventArray")
 PACKET_TYPES: Final = ("event_camera_msgs/msg/EventPacket", "event_array_msgs/msg/EventArray")
@@ -57,9 +58,6 @@ class EventPacketMessage:
     data: memoryview
 
 
-_ZSTANDARD: Final = b"\x28\xb5\x2f\xfd"
-
-
 class _Cursor:
     """Reads the plain fields of a message one after the other, in either serialisation."""
 
@@ -94,7 +92,7 @@ class _Cursor:
 
 def _refuse_compressed(data: bytes, topic: Topic) -> None:
     """Only the metadata of a ROS 2 bag say that each of its messages is compressed."""
-    if data.startswith(_ZSTANDARD):
+    if not topic.ros1 and compression_of(data[:512]) == "Zstandard":
         raise RecordingError("compressed messages", where=topic.name, remedy="give the folder with metadata.yaml")
 
 
